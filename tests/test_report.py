@@ -1248,7 +1248,7 @@ def test_quantities_of_the_noise_say_what_they_mean(arm: Made) -> None:
     sampled = [{**rows[0], "name": n, "unit": "1", "meaning": f"meaning of {n}"} for n in ("nu", "share[output]")]
     run = Run(folder, {**results, "posterior": {**results["posterior"], "rows": [*rows, *sampled]}})
     table = posterior_table(run)
-    cells = {raw[0]: row[1] for raw, row in zip(table.raw_rows, table.rows, strict=True)}
+    cells = {record["name"]: row[1] for record, row in zip(table.raw_rows, table.rows, strict=True)}
     assert cells["nu"] == "meaning of nu"
     assert cells["share[output]"] == "meaning of share[output]"
     assert cells["sigma"].startswith("noise, sd")

@@ -38,7 +38,7 @@ def terms_table(run: Run) -> Table:
         "Terms of the discovered equation, SI units. The coefficients are those of the regression; trajectories decide "
         "below."
     )
-    return Table("terms", caption, head, cells, keys, [[t[k] for k in keys] for t in terms], text=(0, 1))
+    return Table("terms", caption, head, cells, keys, terms, text=(0, 1))
 
 
 def equations_table(run: Run) -> Table | None:
@@ -82,9 +82,8 @@ def radius_table(run: Run) -> Table | None:
         for r in radius["rivals"]
     ]
     head = ("radius over length", "least squares", "unexplained share", "likelihood ratio")
-    raw = [[r[k] for k in keys] for r in radius["rivals"]]
     caption = "Radius laws that compete; a likelihood ratio under 10 means “cannot tell”."
-    return Table("radius_laws", caption, head, cells, keys, raw, text=(0, 1))
+    return Table("radius_laws", caption, head, cells, keys, radius["rivals"], text=(0, 1))
 
 
 def residual_table(run: Run) -> Table | None:
@@ -227,5 +226,4 @@ def distortion_table(run: Run) -> Table | None:
     sizes = ("level, rms", "noise, rms", "unit", "over noise [dB]", "limit [dB]")
     head = ("nonlinearity", "seen on", "lines", *sizes, "detected")
     caption = f"Nonlinear distortion of the {multisine['kind']} multisine, before any term is proposed."
-    raw = [[d[k] for k in keys] for d in multisine["distortions"]]
-    return Table("distortion", caption, head, cells, keys, raw, text=(0, 1, 5, 8))
+    return Table("distortion", caption, head, cells, keys, multisine["distortions"], text=(0, 1, 5, 8))

@@ -126,19 +126,18 @@ def coverage_table(run: Run) -> Table | None:
     rows = run.posterior.get("coverage")
     if not rows:
         return None
-    cells, raw = [], []
+    cells = []
     keys = ("recording", "part", "channel", "readings", "share", "width", "unit")
     for r in rows:
         width = scale_for(r["unit"], r["width"]).quantity(r["width"])
         name = r["channel"].replace("_", " ")
         cells.append([r["recording"], r["part"], name, f"{r['readings']}", f"{100 * r['share']:.1f} %", width])
-        raw.append([r[k] for k in keys])
     head = ("recording", "part", "channel", "readings", "in the 90 % band", "width of the band")
     caption = (
         "Coverage: readings within the 90 % band of the posterior’s free-run predictions, noise included; about 90 % "
         "where model and noise are right. Of what is held out only the initial state was fitted."
     )
-    return Table("coverage", caption, head, cells, keys, raw, text=(0, 1, 2))
+    return Table("coverage", caption, head, cells, keys, rows, text=(0, 1, 2))
 
 
 def models_table(run: Run) -> Table | None:
@@ -172,8 +171,7 @@ def models_table(run: Run) -> Table | None:
             " Beside it their free-run errors on what was held out, smaller is better; held out, "
             f"{effect_name(found['held_out_prefers'])} is best."
         )
-    raw = [[m[k] for k in keys] for m in found["models"]]
-    return Table("model_evidence", caption, head, cells, keys, raw, text=(0, 1))
+    return Table("model_evidence", caption, head, cells, keys, found["models"], text=(0, 1))
 
 
 def convergence_sentence(run: Run) -> str:
