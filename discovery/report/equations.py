@@ -194,11 +194,6 @@ def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:
     return effect_formula(group[0], system) if len(group) == 1 else laws(group, system)
 
 
-def discovered_equation(terms: list[tuple[str, str]], inputs: list[tuple[str, str]], system: str) -> str:
-    """Return an equation found by regression, from the printed coefficient and the MathML of each term and input."""
-    return equal(total([("", symbol(coordinate_name(system), 2)), *terms]), total(inputs))
-
-
 def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     """Return what stands for the input of a system on a line, by symbol: its gains, and u; nothing without an input.
 
@@ -210,7 +205,7 @@ def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
     free = equation_terms(Model(model["base"], tuple(model["effects"]))).drive.free_symbols
     if not free & set(MOVING_INPUT):
         return {}
-    names = {symbol.name for symbol in free}
+    names = {x.name for x in free}
     return {**{p.name: p.meaning for p in base.parameters() if p.name in names}, "u": "recorded input"}
 
 
@@ -218,20 +213,20 @@ def drive_words(run: Run) -> Markup:
     """Return what the symbols of the input mean, as part of a sentence; empty without one."""
     name, unit = run.input_name, unit_text(run.input_unit)
     found = [
-        Markup("{} is the {}").format(name_cell(symbol), label(f"recorded {name}", unit) if symbol == "u" else meaning)
-        for symbol, meaning in drive_symbols(run.loop["model"]["before"]["model"]).items()
+        Markup("{} is the {}").format(name_cell(letter), label(f"recorded {name}", unit) if letter == "u" else meaning)
+        for letter, meaning in drive_symbols(run.loop["model"]["before"]["model"]).items()
     ]
     return Markup(", ").join(found)
 
 
 def regression_equation(equation: Mapping[str, Any], system: str) -> Markup:
     """Return an equation of the regression with its numbers, as many digits as their intervals deserve."""
-    terms: list[tuple[str, str]] = []
+    terms = [("", symbol(coordinate_name(system), 2))]
     inputs: list[tuple[str, str]] = []
     for term, value, sd in zip(equation["terms"], equation["coefficients"], equation["sd"], strict=True):
         side = inputs if term == "u" else terms
         side.append((significant(value, _digits(value, sd)), "" if term == "1" else formula(term)))
-    return Markup(block(discovered_equation(terms, inputs, system)))
+    return Markup(block(equal(total(terms), total(inputs))))
 
 
 def found_terms(discovery: Mapping[str, Any]) -> Mapping[str, Any]:
