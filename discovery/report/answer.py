@@ -9,8 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.report.declared_formulas import known_constants
-from discovery.report.effect_formulas import meanings
+from discovery.report.effect_formulas import known_constants, meanings
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters, symbol_of, unit_of
 from discovery.report.latex import latex

@@ -1,4 +1,4 @@
-"""What effects declare, as formulas: energies, powers, laws, what the instrument reports; energies with numbers."""
+"""What effects and declared systems say, as formulas: energies, powers, laws, what the instrument reports."""
 
 from __future__ import annotations
 
@@ -6,17 +6,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import sympy as sp
+from markupsafe import escape
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect
 from discovery.declarations.systems import System
 from discovery.equations.contributions import radius_of
+from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
+from discovery.mechanics.systems import declaration_of, declared_base
 from discovery.report.mathml import inline, row, symbol
 from discovery.report.mathml_expression import expression
 
 #: Letters of the energies, and of the power of a load or a memory; a mode has none.
 LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
-NEXT = '<mo>,</mo><mspace width="1em"/>'
+_NEXT = '<mo>,</mo><mspace width="1em"/>'
 #: The energies in words, in their order.
 _WORDS = {
     "T": "Kinetic energy that the effects add",
@@ -34,6 +37,8 @@ _MEANINGS = {
     "x_g": "the first moment of the mass along x, in lengths of the arm",
     "y_g": "that along y",
 }
+#: What an effect may take from its place, by the beginning of the symbol.
+_THERE = {"k": "stiffness", "xi_at": "damping"}
 
 
 def coordinate_name(system: str) -> str:
@@ -97,11 +102,11 @@ def effect_formula(effect: Effect, system: str) -> str:
         lines = [equal(symbol(letter), body)]
         if effect.kind == "memory":
             lines += [*_states(effect, name), *_bending(effect, name)]
-        return row(NEXT.join(lines))
+        return row(_NEXT.join(lines))
     if effect.kind == "joint":
         assert declared is not None
         turn = equal(symbol("p"), expression(declared(), name))
-        return row(NEXT.join([_turned(symbol("p")), turn, *_states(effect, name), *_bending(effect, name)]))
+        return row(_NEXT.join([_turned(symbol("p")), turn, *_states(effect, name), *_bending(effect, name)]))
     if effect.kind == "shape":
         # Kappa_r is the curvature at the root.
         added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
@@ -160,7 +165,7 @@ def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u"
     for effect in effects:
         read = effect.read(*read)
     told = ("x_read", "y_read") if arm else names[2:]
-    return row(NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(told, read, strict=True)))
+    return row(_NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(told, read, strict=True)))
 
 
 def meanings(shown: str) -> str:
@@ -200,3 +205,52 @@ def _terms(effect: Effect, coordinate: str, values: Mapping[str, float]) -> list
         others = [signed(expression(part, coordinate)) for part in parts[1:]]
         return [along_the_rod(row(expression(parts[0], coordinate), *others))]
     return [expression(part, coordinate) for part in parts]
+
+
+def _equation(line: DeclaredLine) -> str:
+    return equal(symbol(line.name, line.dots), expression(line.value, ""))
+
+
+def declared_formulas(name: str, effects: Iterable[Effect]) -> list[tuple[str, str, bool]]:
+    """Return words and MathML of the energies, forces, places and output of a declared system, named by its base.
+
+    Third, whether the equation is incomplete without it: so is every energy and force, a place at which one of the
+    effects acts, and what is read where that is no coordinate.
+    """
+    base = declared_base(name)
+    if base is None:
+        return []
+    used, found = {effect.place for effect in effects}, []
+    for line in declared_lines(base):
+        value = str(line.value)
+        # A place may have the name of its coordinate.
+        if value != line.name:
+            needed = line.name in used if line.words.startswith("Place ") else value not in base.declaration.coordinates
+            found.append((line.words, _equation(line), needed))
+    return found
+
+
+def known_constants(name: str) -> dict[str, float]:
+    """Return the constants of a declared system with their values, by the name of its base; none of another base."""
+    declaration = declaration_of(name)
+    return {} if declaration is None else {n: c.value for n, c in declaration.constants.items() if not c.free}
+
+
+def placed_formula(effect: Effect) -> str:
+    """Return what an effect at a place declares, in the displacement there, and what it takes from the place."""
+    lines = placed_lines(effect)
+    names = {x.name for line in lines for x in line.value.free_symbols}
+    taken = [(f"{stem}_{effect.place}", word) for stem, word in _THERE.items()]
+    told = [
+        row(symbol(name), f"<mtext> the {word} at {escape(effect.place.replace('_', ' '))}</mtext>")
+        for name, word in taken
+        if name in names
+    ]
+    return row(_NEXT.join([*(_equation(line) for line in lines), *told]))
+
+
+def fault_formula(effects: Sequence[Effect], base: str, system: str) -> str:
+    """Return the law of what the input or the instrument of a declared system does, in the name of the input."""
+    declaration = declaration_of(base)
+    given = "u" if declaration is None or declaration.input is None else declaration.input[0]
+    return laws(effects, system, (given, "y_read", "y_told"))

@@ -19,16 +19,18 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.equation import MOVING_INPUT, equation_terms, motion_symbols
 from discovery.equations.model import Model
 from discovery.mechanics import get_base
-from discovery.report.declared_formulas import declared_formulas, fault_formula, placed_formula
 from discovery.report.effect_formulas import (
     LETTERS,
     along_the_rod,
     are_summed,
     coordinate_name,
+    declared_formulas,
     effect_formula,
     equal,
+    fault_formula,
     laws,
     mode_formula,
+    placed_formula,
     rounded_factors,
     signed,
     summed,

@@ -9,15 +9,14 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.declarations.registry import catalogue, get_effect
-from discovery.report.declared_formulas import placed_formula
-from discovery.report.effect_formulas import effect_formula
+from discovery.declarations.registry import get_effect
+from discovery.report.effect_formulas import effect_formula, placed_formula
 from discovery.report.latex import latex
 from discovery.report.mathml import inline
 from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table
-from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title
+from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title, in_catalogue
 
 
 def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
@@ -27,7 +26,7 @@ def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
     added = [e["id"] for e in run.loop["effects"]]
     for role, effects in (("declared", run.loop["declared"]), ("added", added)):
         for effect_id in effects:
-            known = get_effect(effect_id) if effect_id.partition("_at_")[0] in catalogue() else None
+            known = get_effect(effect_id) if in_catalogue(effect_id) else None
             law = "" if known is None else placed_formula(known) if known.place else effect_formula(known, system)
             body = Markup(inline(law)) if law else Markup("")
             cite = _named(known.cite if known else GEOMETRY_SOURCES.get(effect_id, ""), run)

@@ -57,14 +57,14 @@ _SYMBOL = re.compile(r"(?<![\w./-])([^\W\d_])_(\w+)\b(?!\.\w)")
 _TENS = re.compile(r"(?<=[\d)])e([+-]?\d+)\b")
 
 
-def _listed(effect_id: str) -> bool:
+def in_catalogue(effect_id: str) -> bool:
     """Return whether a word is the id of an effect of the catalogue, at a place or without one."""
     return effect_id.partition("_at_")[0] in catalogue()
 
 
 def prose(text: str) -> str:
     """Return a sentence of a result file with its symbols, effects and numbers as a reader writes them."""
-    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or _listed(m[0]) else m[0], text)
+    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or in_catalogue(m[0]) else m[0], text)
     text = _LONG.sub(lambda m: f"{int(m[0]):,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), text)
     text = _TENS.sub(lambda m: f"\N{NARROW NO-BREAK SPACE}{power_of_ten(int(m[1]))}", text)
     for pattern, written in _WRITTEN:
@@ -107,7 +107,7 @@ def effect_title(effect_id: str) -> str:
         return UPGRADES[effect_id].title()
     if effect_id in base_names():
         return first_sentence(type(get_base(effect_id)))
-    return get_effect(effect_id).title() if _listed(effect_id) else effect_name(effect_id)
+    return get_effect(effect_id).title() if in_catalogue(effect_id) else effect_name(effect_id)
 
 
 def deflection_unit(run: Run) -> str:
