@@ -26,11 +26,10 @@ from discovery_datasets import instrument, recordings, registry
 from discovery_datasets.disturbances import DISTURBANCES
 
 from discovery.cli import cli, main
-from discovery.cli.doubts import doubts
 from discovery.cli.initial_state import check_state
 from discovery.cli.options import KINDS as NAMED_KINDS
 from discovery.cli.options import Seconds, progress
-from discovery.cli.say import say_loop
+from discovery.cli.say import doubts, say_loop
 from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
 from discovery.declarations.registry import catalogue

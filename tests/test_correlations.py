@@ -10,8 +10,7 @@ import pytest
 
 from discovery.declarations.registry import catalogue
 from discovery.equations.model import Model
-from discovery.posterior.correlations import autocorrelation, correlations
-from discovery.posterior.parameter_roles import shared
+from discovery.posterior.correlations import autocorrelation, correlations, shared
 
 ARM = Model("constant_radius", ("viscous_damping", "linear_stiffness", "cubic_stiffness", "coulomb_friction"))
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_unit_mistakes import FALL, pendulum
 
-from discovery.cli.doubts import doubts
 from discovery.cli.loop_page import write_page
+from discovery.cli.say import doubts
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.gravity_scale import _stretches, angle_doubt, fall_doubt
 from discovery.report.sentences import refutations, verdict_sentence

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal
-from discovery.posterior.prior_sensitivity import prior_effects
-from discovery.posterior.priors import MarginalPrior
+from discovery.posterior.priors import MarginalPrior, prior_effects
 
 EVERYWHERE = (-math.inf, math.inf)
 

@@ -31,19 +31,17 @@ from discovery.mechanics.systems import declare
 from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, figures, posterior, sentences, story
 from discovery.report.charts import _every, chart_data
-from discovery.report.convergence import convergence_sentence
-from discovery.report.drive import drive_symbols
 from discovery.report.effect_formulas import effect_formula
-from discovery.report.equations import model_formulas
+from discovery.report.equations import drive_symbols, model_formulas
 from discovery.report.estimates import posterior_table
 from discovery.report.figures import correlogram, laws, model_error, motion, nats, ranking
-from discovery.report.formula import formula
 from discovery.report.index import build_index
 from discovery.report.latex import latex
-from discovery.report.mathml import block
+from discovery.report.mathml import block, formula
 from discovery.report.model_error_sentences import model_error_words
 from discovery.report.noise import honest_table, noise_differs, noise_sentence
 from discovery.report.numbers import chance, interval, scale_for, scale_for_change, significant, uncertain, unit_text
+from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline, prose
@@ -1250,7 +1248,7 @@ def test_quantities_of_the_noise_say_what_they_mean(arm: Made) -> None:
     sampled = [{**rows[0], "name": n, "unit": "1", "meaning": f"meaning of {n}"} for n in ("nu", "share[output]")]
     run = Run(folder, {**results, "posterior": {**results["posterior"], "rows": [*rows, *sampled]}})
     table = posterior_table(run)
-    cells = {raw[0]: row[1] for raw, row in zip(table.raw_rows, table.rows, strict=True)}
+    cells = {record["name"]: row[1] for record, row in zip(table.raw_rows, table.rows, strict=True)}
     assert cells["nu"] == "meaning of nu"
     assert cells["share[output]"] == "meaning of share[output]"
     assert cells["sigma"].startswith("noise, sd")
@@ -1279,7 +1277,7 @@ def test_a_formula_may_be_broken_before_its_outermost_signs() -> None:
 
 
 def test_the_final_equation_of_an_arm_has_one_sum_for_each_energy() -> None:
-    from discovery.report.energies import meanings
+    from discovery.report.effect_formulas import meanings
 
     model = {"base": "elastica_4", "effects": ["viscous_damping", "linear_stiffness", "table_tilt", "coulomb_friction"]}
     values = {"xi": 0.04, "alpha": 8.0, "phi_x": -0.001, "phi_y": 0.002, "length": 1.0, "f_c": 0.1, "v_c": 0.001}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import synthetic_run
 
-from discovery.cli.doubts import doubts
+from discovery.cli.say import doubts
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
 from discovery.report.follow_up_sentences import stand_in_sentence

@@ -10,8 +10,9 @@ from benchmarks.measured.derived import Check, drive_checks, gravity_over_length
 from benchmarks.measured.entry import Entry
 from benchmarks.measured.figure import draw
 from discovery.foundation.io import atomic_write
+from discovery.report.answer import added_effects
 from discovery.report.numbers import MISSING, significant, uncertain
-from discovery.report.page import added_effects, embed, environment
+from discovery.report.page import embed, environment
 from discovery.report.sentences import verdict_sentence
 from discovery.report.style import styled
 from discovery.report.tables import Table

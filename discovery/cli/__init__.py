@@ -16,8 +16,6 @@ import click
 from discovery.cli import answers, begin, campaigns, export, sources, stages
 from discovery.cli.streams import is_of_output, open_streams, unwritten
 
-__all__ = ["cli", "main"]
-
 # Linear algebra here is small: a second BLAS thread only spins beside the kernel's own. Set before numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from discovery.cli.doubts import doubts
 from discovery.cli.folders import results_folder
 from discovery.cli.initial_state import check_state, read_state
 from discovery.cli.loop_page import check_parts, remove_page, write_failed_page, write_page
 from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress
-from discovery.cli.say import say_doubts, say_failed, say_left_out, say_loop, say_missing
+from discovery.cli.say import doubts, say_doubts, say_failed, say_left_out, say_loop, say_missing
 from discovery.cli.streams import spoken
 
 if TYPE_CHECKING:

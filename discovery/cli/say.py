@@ -1,4 +1,4 @@
-"""What a loop and a run found, in lines for people."""
+"""What a loop and a run found, in lines for people, and what doubts it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from discovery.diagnosis.missing_force import MissingForce
+    from discovery.recordings.dataset import Dataset
     from discovery.runs.loop_result import LoopResult
 
 
@@ -37,7 +38,7 @@ def say_loop(result: LoopResult) -> None:
 
 def say_failed(content: Mapping[str, Any]) -> None:
     """Say why a declared model has no fit, and what would help."""
-    from discovery.report.failure_sentences import failure_sentence, remedy_sentence
+    from discovery.report.caution_sentences import failure_sentence, remedy_sentence
 
     click.echo(f"verdict: {content['verdict']}")
     click.echo(f"failed: {failure_sentence(content['failure'])}")
@@ -103,3 +104,34 @@ def say_left_out(pending: Mapping[str, Any] | None) -> None:
         of = f" ({pending['effective']:.0f} of {pending['wanted']:.0f} effective samples)" if known else ""
         on = "with more time, the same command goes on from there"
         click.echo(f"left out for --max-time: {'; '.join(pending['left_out'])}{of}; {on}")
+
+
+def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
+    """Return what doubts the verdict of a loop, a sentence for each fault."""
+    from discovery.recordings.flags import doubted, misstated
+    from discovery.report.caution_sentences import caution_sentence
+    from discovery.report.follow_up_sentences import stand_in_sentence
+    from discovery.report.sentences import decision_sentence, doubts_answer
+
+    flags = {recording.name: recording.flags for recording in result.recordings}
+    named = [found.probability for found in result.named.values()]
+    decisions = [s for s in result.steps if doubts_answer(s.code, complete=result.complete, named=named)]
+    return [
+        *_unfilled(dataset),
+        *doubted(flags),
+        *misstated(flags),
+        *(decision_sentence(step.summary()) for step in decisions),
+        *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),
+        *(caution_sentence(caution.summary()) for caution in result.cautions),
+    ]
+
+
+def _unfilled(dataset: Dataset) -> list[str]:
+    """Tell that numbers of a draft may still be guesses."""
+    rig = dataset.rig
+    if not rig.unfilled:
+        return []
+    return [
+        f"the rig file {rig.path} still says FILL IN ({'; '.join(rig.unfilled)}). Sizes and units in the answer count "
+        "on what stands there: write what you know, and remove the mark where it is right"
+    ]

@@ -12,11 +12,9 @@ from sympy.printing.c import C99CodePrinter
 
 from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import comment, composition, initial_states, origin
 from discovery.export.source import integration_step
-from discovery.export.source_text import input_words
+from discovery.export.source_text import comment, composition, filled, indented, initial_states, input_words, origin
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, needed, program_of
-from discovery.export.templates import filled, indented
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -168,27 +166,12 @@ def to_c(
 ) -> tuple[str, str]:
     """Return a model as C99, a header and a source that need the mathematical library alone and allocate nothing.
 
-    They declare the parameters, ``derivative``, ``reading``, ``lateness``, ``initial_state``, and for a motion
-    ``start``, ``step`` (the kernel's Runge-Kutta step), ``read`` (the instrument, also a late one) and ``simulate``.
+    They are the texts of ``NAME.h`` and ``NAME.c``, and all names in them begin with `name`. They declare the
+    parameters, ``derivative``, ``reading``, ``lateness``, ``initial_state``, and for a motion ``start``, ``step`` (the
+    kernel's Runge-Kutta step), ``read`` (the instrument, also a late one) and ``simulate``. `values` replace those of
+    `source` [SI, radians].
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        What to export.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-    name : str
-        Name of the header, and what all names begin with.
-
-    Returns
-    -------
-    tuple of str
-        Text of ``NAME.h`` and of ``NAME.c``.
-
-    Raises
-    ------
-    InputError
-        If a parameter has no value, or the name is none in C.
+    InputError if a parameter has no value, or the name is none in C.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InputError(f"{name!r} is no name in C; take small letters, digits and underscores, a letter first.")

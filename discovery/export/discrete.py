@@ -20,22 +20,12 @@ def _held(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatA
 
 
 def discretise(model: LinearModel, sample_time: float) -> LinearModel:
-    """Return a linear model at samples, the input held between them, exact for a late instrument too.
+    """Return a linear model in discrete time, the input held between samples, exact for a late instrument too.
 
     Of a delay of several samples and a part of one, the reading a part of a sample ago follows from the last state and
     input; whole samples are states that hand it on. Standard deviations are left to the continuous model.
 
-    Parameters
-    ----------
-    model : LinearModel
-        In continuous time.
-    sample_time : float
-        Between two samples [s].
-
-    Raises
-    ------
-    InputError
-        If the model is in discrete time already, or the sample time is not positive.
+    InputError if the model is in discrete time already, or the sample time [s] is not positive.
     """
     if model.sample_time is not None or not (sample_time > 0 and np.isfinite(sample_time)):
         raise InputError("A model in continuous time becomes one in discrete time with a positive sample time.")

@@ -11,10 +11,9 @@ import sympy as sp
 
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
-from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import comment, composition, origin
+from discovery.export.fitted import FittedModel, deviations, fitted_model
+from discovery.export.source_text import comment, composition, filled, origin
 from discovery.export.symbolic import program_of
-from discovery.export.templates import filled
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.simulation.kernel.compile import numpy_derivative
@@ -34,17 +33,10 @@ _Command = Callable[[FloatArray, FloatArray, FloatArray, Mapping[str, float]], F
 class FeedForward:
     """The command of a wanted motion: offset + inertia * acceleration + friction(rate) + spring(position).
 
-    Parameters
-    ----------
-    offset, inertia : float
-        Command at rest, and per acceleration of the coordinate, in the unit of the input (of a recorded force:
-        of that force).
-    rate, friction, friction_sd : ndarray, shape (k,)
-        Rates [q/s], the command against friction there, and its standard deviation (NaN without a covariance).
-    position, spring, spring_sd : ndarray, shape (k,)
-        Positions [q], and the same of what holds the body.
-    warnings : tuple of str
-        What the tables leave out.
+    `offset` is the command at rest, `inertia` that per acceleration of the coordinate, in the unit of the input or of
+    the recorded force. `friction` (k,) is the command against friction at each `rate` [q/s], `spring` (k,) that against
+    what holds the body at each `position` [q], beside their standard deviations (NaN without a covariance). `warnings`
+    say what the tables leave out.
     """
 
     offset: float
@@ -90,21 +82,6 @@ def _entries(largest: float) -> FloatArray:
     return np.concatenate([-half[::-1], [0.0], half])
 
 
-def _deviation(law: Callable[[Mapping[str, float]], FloatArray], found: FittedModel) -> FloatArray:
-    """Return the standard deviation of a law from the covariance of the fit."""
-    places = [k for k, n in enumerate(found.fitted) if n in found.values and np.isfinite(found.covariance[k, k])]
-    if not places:
-        return np.full_like(law(found.values), np.nan)
-    slopes = []
-    for k in places:
-        name, step = found.fitted[k], 0.1 * float(np.sqrt(found.covariance[k, k])) or 1e-300
-        ends = [law({**found.values, name: found.values[name] + s * step}) for s in (1, -1)]
-        slopes.append((ends[0] - ends[1]) / (2.0 * step))
-    own = np.array(slopes)
-    variance = np.einsum("ik,ij,jk->k", own, found.covariance[np.ix_(places, places)], own)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
-
-
 def _warnings(model: Model, apart: float) -> tuple[str, ...]:
     said = []
     kept = [e.id() for e in model.terms if e.kind in ("memory", "mode")]
@@ -124,20 +101,11 @@ def feed_forward(
 ) -> FeedForward:
     """Return what a drive or an oscillator must be told for a wanted motion.
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        The model: a body that a command pushes (`oscillator`, `accelerometer`, `servo`), or a recorded force.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source`.
-    largest_rate, largest_position : float
-        Ends of the tables [q/s], [q], positive.
+    Its model is one of a body that a command pushes (`oscillator`, `accelerometer`, `servo`), or of a recorded force;
+    `values` replace numbers of `source`. The tables end at the largest rate [q/s] and the largest position [q].
 
-    Raises
-    ------
-    InputError
-        If nothing pushes the body by a command, the command does not move it, no friction is named, or an end of a
-        table is not positive.
+    InputError if nothing pushes the body by a command, the command does not move it, no friction is named, or an end of
+    a table is not positive.
     """
     found = fitted_model(source, values)
     if not (0 < largest_rate < np.inf and 0 < largest_position < np.inf):
@@ -157,6 +125,7 @@ def feed_forward(
         return command(position, still, still, given) - command(zero, zero, zero, given)
 
     table, held = friction(found.values), spring(found.values)
+    sds = deviations(found, lambda given: (friction(given), spring(given))) or (np.nan * table, np.nan * held)
     if not np.any(table):
         raise InputError("The model names no friction, so there is nothing to compensate.")
     offset = float(command(zero, zero, zero, found.values)[0])
@@ -168,10 +137,10 @@ def feed_forward(
         float(command(zero, zero, zero + 1.0, found.values)[0]) - offset,
         rate=rate,
         friction=table,
-        friction_sd=_deviation(friction, found),
+        friction_sd=sds[0],
         position=position,
         spring=held,
-        spring_sd=_deviation(spring, found),
+        spring_sd=sds[1],
         warnings=_warnings(found.model, apart),
     )
 

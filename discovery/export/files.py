@@ -55,10 +55,8 @@ FORMATS: dict[str, Format] = {
 def read_fitted(folder: Path, what: str = "after") -> FittedModel:
     """Return a model of a finished run or loop: `what` is "before", declared and refitted, or "after", the final one.
 
-    Raises
-    ------
-    InputError
-        If there is no such folder, it holds neither results.json nor loop.json, or one that does not hold its models.
+    InputError if there is no such folder, it holds neither results.json nor loop.json, or one that does not hold its
+    models.
     """
     if not folder.is_dir():
         raise InputError(
@@ -88,10 +86,7 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
 def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(FORMATS)) -> list[Path]:
     """Write a model in some of the `FORMATS` to a folder, each file beside its place first, and return the files.
 
-    Raises
-    ------
-    InputError
-        For an unknown format, or none.
+    InputError for an unknown format, or none.
     """
     if not formats:
         raise InputError(f"No format is named; name some of {', '.join(FORMATS)}.")

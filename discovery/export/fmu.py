@@ -19,9 +19,8 @@ from discovery.declarations.units import in_coordinate
 from discovery.equations.model import Model
 from discovery.export.c_source import to_c
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import composition, origin
 from discovery.export.source import integration_step
-from discovery.export.templates import filled
+from discovery.export.source_text import composition, filled, origin
 from discovery.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -112,24 +111,10 @@ def to_fmu(source: FittedModel | Fit | Model, values: Mapping[str, float] | None
     """Return a model as an FMU for co-simulation: the exported C with its interface of FMI 2.0, compiled if possible.
 
     It needs no Python. The library is that of the platform on which it is written, where that has a C compiler; the
-    sources are in the archive for all others.
+    sources are in the archive for all others. The archive is the same for the same model and compiler. `values` replace
+    those of `source` [SI, radians].
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        What to export.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-
-    Returns
-    -------
-    bytes
-        Of the archive, the same for the same model and compiler.
-
-    Raises
-    ------
-    InputError
-        If a parameter has no value, or the compiler fails.
+    InputError if a parameter has no value, or the compiler fails.
     """
     found = fitted_model(source, values)
     header, body = to_c(found)

@@ -15,19 +15,15 @@ from discovery.equations.contributions import radius_of
 from discovery.equations.equation import EquationTerms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED
-from discovery.export.declared_latex import declared_latex
 from discovery.export.fitted import FittedModel, fitted_model, given_numbers, model_of
-from discovery.export.header import origin
-from discovery.export.latex_table import parameter_table, words_in_text
-from discovery.export.latex_writer import LETTERED, LatexLine, Writer
+from discovery.export.latex_writer import LETTERED, LatexLine, Writer, declared_latex, parameter_table, words_in_text
+from discovery.export.source_text import origin
 from discovery.export.symbolic import LETTERS, closed_form, received, to_sympy
 from discovery.mechanics.elastica import Elastica
 from discovery.mechanics.rod_shapes import reduced_shapes
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
-
-__all__ = ["LatexLine", "latex_lines", "to_latex"]
 
 _ROD = (
     ("shape of the rod, s in lengths of the arm", r"\theta(s, t) = \theta_m(t) + \sum_k q_k(t)\, \varphi_k(s)"),

@@ -1,14 +1,23 @@
-"""Mathematics as LaTeX in the field's letters."""
+"""Mathematics as LaTeX in the field's letters: expressions, declared systems, and the parameters as a table."""
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import sympy as sp
+import sympy.abc
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Mode
+from discovery.declarations.effect import Drive, Mode, Sensor
+from discovery.declarations.registry import effect_name
+from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
 from discovery.equations.model import Model
+from discovery.export.fitted import FittedModel
+from discovery.foundation.estimate_text import estimate_text
+from discovery.mechanics.systems import declared_base
 
 #: The speed itself, so that its square root and its powers look as one writes them.
 _SPEED = sp.Symbol("v_t", positive=True)
@@ -25,6 +34,7 @@ _NAMES = {
 }  # fmt: skip
 #: Names of symbols that have a letter of their own, the parameters apart.
 LETTERED = frozenset(_NAMES)
+_READ = sp.Symbol("y_read", real=True)
 
 
 @dataclass(frozen=True)
@@ -60,3 +70,67 @@ class Writer:
         rounded = shown.xreplace({f: sp.Float(float(f), 6) for f in shown.atoms(sp.Float)})
         known = {x: self.names[x.name] for x in rounded.free_symbols if x.name in self.names}
         return sp.latex(rounded, symbol_names=known, mul_symbol=None)
+
+
+def _number(value: float, sd: float) -> str:
+    """Return a value with its standard deviation, as many digits as that warrants."""
+    text = estimate_text(value, sd).replace("+-", r"\pm")
+    return re.sub(r"e([+-]?\d+)$", lambda found: rf" \times 10^{{{int(found[1])}}}", text)
+
+
+def _unit(unit: str) -> str:
+    """Return a unit in upright letters."""
+    factors = [f.partition("^") for f in unit.split() if f != "1"]
+    return r"\,".join(rf"\mathrm{{{u}}}" + (f"^{{{p}}}" if p else "") for u, _, p in factors) or "1"
+
+
+def words_in_text(text: str) -> str:
+    """Return plain words with the characters escaped that LaTeX reads as commands."""
+    return re.sub(r"([&%#_$])", r"\\\1", text)
+
+
+def parameter_table(found: FittedModel, write: Callable[[sp.Expr], str]) -> list[str]:
+    """Return the lines of a tabular environment: value with one standard deviation, unit and meaning of each parameter.
+
+    `write` returns the LaTeX of a symbol.
+    """
+    lines = [r"\begin{tabular}{llll}", r"parameter & value & unit & meaning \\ \hline"]
+    for name, parameter in found.model.parameters.items():
+        unit = _unit(found.unit_of(name))
+        value = _number(found.values[name], found.sd.get(name, math.nan))
+        letter = write(sp.Symbol(name, real=True))
+        note = parameter.meaning + (
+            f", {found.reasons[name]}" if name in found.reasons else "" if name in found.fitted else ", held"
+        )
+        lines.append(f"${letter}$ & ${value}$ & ${unit}$ & {words_in_text(note)} \\\\")
+    return [*lines, r"\end{tabular}"]
+
+
+def declared_latex(model: Model) -> list[LatexLine]:
+    """Return what was declared, what each effect adds at its place, what is received and what is read."""
+    base = declared_base(model.base)
+    assert base is not None  # only declared systems have places
+    found = declared_lines(base)
+    for effect in model.terms:
+        if effect.place:
+            found += placed_lines(effect)
+        elif isinstance(effect, Drive):
+            found.append(DeclaredLine(effect_name(effect.id()), "u_received", 0, sp.sympify(effect.expression())))
+        elif isinstance(effect, Sensor):
+            late = effect.lateness()
+            value = sp.Symbol("t", real=True) - late if late != 0 else sp.sympify(effect.oscillator_reading(_READ))
+            found.append(DeclaredLine(effect_name(effect.id()), "t_read" if late != 0 else "y_told", 0, value))
+    return [LatexLine(line.words, f"{_dotted(line.name, line.dots)} = {_latex(line.value)}") for line in found]
+
+
+def _latex(value: sp.Expr) -> str:
+    names = {x: _dotted(x.name.rstrip("'"), len(x.name) - len(x.name.rstrip("'"))) for x in value.free_symbols}
+    return sp.latex(value, symbol_names=names, mul_symbol=None)
+
+
+def _dotted(name: str, dots: int) -> str:
+    """Return a name as a letter with a subscript, whole words upright, with dots for rates."""
+    head, _, below = name.partition("_")
+    letter = sp.latex(sp.Symbol(head)) if len(head) == 1 or hasattr(sympy.abc, head) else rf"\mathrm{{{head}}}"
+    letter = rf"\{'d' * dots}ot{{{letter}}}" if dots else letter
+    return letter + (rf"_{{\mathrm{{{re.sub('_', ' ', below)}}}}}" if below else "")

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
 from scipy.optimize import root
 
+from discovery.declarations.effect import Closure, Drive, Effect, Memory, Sensor, Shape
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
-from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.linear_warnings import tangent_warnings
+from discovery.export.fitted import FittedModel, deviations, fitted_model
 from discovery.export.symbolic import SymbolicModel, program_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
@@ -36,26 +36,11 @@ _DRAWS = 200
 class LinearModel:
     """State-space matrices of a model near an operating point: x' = A x + B u, y = C x + D u in deviations from it.
 
-    Parameters
-    ----------
-    states, inputs, outputs : tuple of str
-        Names, in the order of rows and columns.
-    a, b, c, d : ndarray, shapes (n, n), (n, m), (r, n), (r, m)
-        The matrices; of the next sample where there is a sample time.
-    sd : mapping of str to ndarray
-        Standard deviations of "a", "b", "c", "d" from those of the parameters; empty where there are none.
-    point : mapping of str to float
-        State and input of the operating point.
-    reading : tuple of float
-        What the instrument reports there.
-    drift : tuple of float
-        x' there: zero at an equilibrium.
-    delay : float
-        Age of the reading [s]; in a model with a sample time it is part of the matrices.
-    sample_time : float or None
-        Of the zero-order hold [s].
-    warnings : tuple of str
-        Where the matrices mislead.
+    `a` (n, n), `b` (n, m), `c` (r, n) and `d` (r, m) have rows and columns in the order of the names; with a
+    `sample_time` [s], of a zero-order hold, they are of the next sample. `sd` holds their standard deviations from
+    those of the parameters, by letter; empty where there are none. At the operating `point`, state and input by name,
+    the instrument reports `reading`, and `drift` is x': zero at an equilibrium. `delay` is the age of the reading [s],
+    which is part of the matrices where there is a sample time. `warnings` say where the matrices mislead.
     """
 
     states: tuple[str, ...]
@@ -108,19 +93,26 @@ def _jacobian(numbers: _Numbers, state: FloatArray, recorded: FloatArray, values
 
 
 def _averaged(
-    numbers: _Numbers, state: FloatArray, recorded: FloatArray, values: FloatArray, amplitude: float, frequency: float
+    numbers: _Numbers,
+    state: FloatArray,
+    recorded: FloatArray,
+    values: FloatArray,
+    cycle: tuple[float, float] | None,
 ) -> FloatArray:
-    """Return `_jacobian` with the columns of coordinate and rate averaged over a cycle: its describing function."""
+    """Return `_jacobian`, the columns of coordinate and rate averaged over a cycle, if any: its describing function."""
     found = _jacobian(numbers, state, recorded, values)
+    if cycle is None:
+        return found
+    amplitude, frequency = cycle
     phase = 2.0 * np.pi * (np.arange(_CYCLE) + 0.5) / _CYCLE
     swing = np.repeat(state[:, None], _CYCLE, axis=1)
     swing[0] += amplitude * np.sin(phase)
     swing[1] += amplitude * frequency * np.cos(phase)
     n = state.size
-    cycle = numbers.both(np.repeat(recorded[:, None], _CYCLE, axis=1), swing, values)
+    around = numbers.both(np.repeat(recorded[:, None], _CYCLE, axis=1), swing, values)
     # Readings stay tangents; the slope of the coordinate is its rate.
-    found[:n, 0] = 2.0 * (cycle[:n] * np.sin(phase)).mean(axis=1) / amplitude
-    found[:n, 1] = 2.0 * (cycle[:n] * np.cos(phase)).mean(axis=1) / (amplitude * frequency)
+    found[:n, 0] = 2.0 * (around[:n] * np.sin(phase)).mean(axis=1) / amplitude
+    found[:n, 1] = 2.0 * (around[:n] * np.cos(phase)).mean(axis=1) / (amplitude * frequency)
     return found
 
 
@@ -149,7 +141,7 @@ def _state_at(
     return state
 
 
-def _with_motion(found: FloatArray, n: int, r: int, moving: bool) -> tuple[FloatArray, ...]:
+def _with_motion(found: FloatArray, n: int, moving: bool) -> tuple[FloatArray, ...]:
     """Return A, B, C, D; a moving input is driven by its acceleration, and angle and rate are states."""
     a, b, c, d = found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:]
     if not moving:
@@ -158,7 +150,7 @@ def _with_motion(found: FloatArray, n: int, r: int, moving: bool) -> tuple[Float
     carried[:n, :n], carried[:n, n:], carried[n, n + 1] = a, b[:, :2], 1.0
     pushed = np.zeros((n + 2, 1))
     pushed[:n, 0], pushed[n + 1, 0] = b[:, 2], 1.0
-    return carried, pushed, np.hstack([c, d[:, :2]]), d[:, 2:].reshape(r, 1)
+    return carried, pushed, np.hstack([c, d[:, :2]]), d[:, 2:]
 
 
 def _spread(
@@ -176,19 +168,7 @@ def _spread(
         sets = [matrices({**found.values, **{n: float(v[k]) for n, v in own.items()}}) for k in chosen]
         together = zip(*sets, strict=True)
         return {key: np.std(np.array(s), axis=0, ddof=1) for key, s in zip("abcd", together, strict=False)}
-    places = [k for k, n in enumerate(found.fitted) if n in found.values and np.isfinite(found.covariance[k, k])]
-    if not places:
-        return {}
-    slopes = []
-    for k in places:
-        name, step = found.fitted[k], 0.1 * float(np.sqrt(found.covariance[k, k]))
-        ends = [matrices({**found.values, name: found.values[name] + s * step}) for s in (1, -1)]
-        slopes.append([(up - down) / (2.0 * step) if step else 0.0 * up for up, down in zip(*ends, strict=True)])
-    own_covariance = found.covariance[np.ix_(places, places)]
-    return {
-        key: np.sqrt(np.maximum(np.einsum("i...,ij,j...->...", s, own_covariance, s), 0.0))
-        for key, s in zip("abcd", (np.array(s) for s in zip(*slopes, strict=True)), strict=True)
-    }
+    return dict(zip("abcd", deviations(found, matrices), strict=False))
 
 
 def _refuse_cycle(model: Model, amplitude: float | None, frequency: float | None) -> None:
@@ -199,17 +179,20 @@ def _refuse_cycle(model: Model, amplitude: float | None, frequency: float | None
         raise InputError(f"A describing function is of one coordinate; {base.name!r} has {base.n_coordinates}.")
 
 
-class _Matrices(TypedDict):
-    a: FloatArray
-    b: FloatArray
-    c: FloatArray
-    d: FloatArray
-
-
 def _moving_input(base: Base) -> list[str]:
     """Return the names of an input that is a motion, and of its rate."""
     name = base.system.moved_input
     return [name, f"{name}_dot"] if base.input_moves else []
+
+
+def _there(
+    numbers: _Numbers, state: FloatArray, recorded: FloatArray, values: FloatArray
+) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+    """Return slopes and readings at a point, and the age of the readings [s]."""
+    found = numbers.both(recorded[:, None], state[:, None], values)[:, 0].tolist()
+    names = [sp.Symbol("t", real=True), *numbers.program.parameters]
+    late = sp.lambdify(names, numbers.program.lateness)(0.0, *values[:, 0])
+    return tuple(found[: state.size]), tuple(found[state.size :]), float(late)
 
 
 def linearise(
@@ -225,62 +208,80 @@ def linearise(
 ) -> LinearModel:
     """Return a model linearised at an operating point.
 
-    The input of an arm, and every other input that is a motion, is its acceleration; its angle and rate are states.
+    The input of an arm, and every other input that is a motion, is its acceleration; its angle and rate are states. The
+    point has a `deflection` [q], that of the equilibrium at the held input otherwise, a `speed` [q/s], at which
+    friction is taken, and the input `held`: the angle of the motor [rad], or the force. `values` replace numbers of
+    `source` [SI, radians]. Standard deviations follow from the covariance of a fit, or from `draws` (k,) of a
+    posterior, by parameter.
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        What to linearise; the covariance of a fit gives standard deviations.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-    deflection : float, optional
-        Of the operating point [q]; its equilibrium at the held input otherwise.
-    speed : float
-        Rate there [q/s]: friction is that at this speed.
-    held : float
-        Input there: the angle of the motor [rad], or the force.
-    amplitude, frequency : float, optional
-        Of a harmonic motion [q], [rad/s]. Forces are then replaced by their describing functions, in phase with the
-        motion and with its rate (A. Gelb and W. E. Vander Velde, Multiple-Input Describing Functions, 1968, section
-        2.2); of systems with one coordinate only.
-    draws : mapping of str to ndarray, shape (k,), optional
-        Draws of a posterior, by parameter, in place of the covariance.
+    Of a harmonic motion with an `amplitude` [q] and a `frequency` [rad/s], in a system with one coordinate, forces are
+    replaced by their describing functions, in phase with the motion and with its rate (A. Gelb and W. E. Vander Velde,
+    Multiple-Input Describing Functions, 1968, section 2.2).
 
-    Raises
-    ------
-    InputError
-        If a parameter has no value, there is no equilibrium, an amplitude comes without a frequency, or a describing
-        function is asked of a system with more than one coordinate.
+    InputError if a parameter has no value, there is no equilibrium, an amplitude comes without a frequency, or a
+    describing function is asked of a system with more than one coordinate.
     """
     found = fitted_model(source, values)
     _refuse_cycle(found.model, amplitude, frequency)
     base, numbers = found.model.mechanics, _numbers(found.model.base, found.model.effects)
-    program = numbers.program
     recorded = np.array([held, 0.0, 0.0])
     state = _state_at(numbers, found, deflection, speed, recorded)
-    n = state.size
+    cycle = (amplitude, frequency) if amplitude and frequency else None
 
     def column(given: Mapping[str, float]) -> FloatArray:
-        return np.array([given[p.name] for p in program.parameters])[:, None]
+        return np.array([given[p.name] for p in numbers.program.parameters])[:, None]
 
     def matrices(given: Mapping[str, float]) -> tuple[FloatArray, ...]:
-        cycle = (amplitude, frequency) if amplitude and frequency else ()
-        found = (_averaged if cycle else _jacobian)(numbers, state, recorded, column(given), *cycle)
-        return _with_motion(found, n, len(program.reading), base.input_moves)
+        tangent = _averaged(numbers, state, recorded, column(given), cycle)
+        return _with_motion(tangent, state.size, base.input_moves)
 
     a, b, c, d = matrices(found.values)
-    there = numbers.both(recorded[:, None], state[:, None], row := column(found.values))[:, 0]
-    late = float(sp.lambdify([sp.Symbol("t", real=True), *program.parameters], program.lateness)(0.0, *row[:, 0]))
-    names, motion = [y.name for y in program.states], _moving_input(base)
+    slopes, reading, late = _there(numbers, state, recorded, column(found.values))
+    names, motion = [y.name for y in numbers.program.states], _moving_input(base)
     return LinearModel(
-        **_Matrices(a=a, b=b, c=c, d=d),
         states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
         outputs=base.system.channels,
+        a=a,
+        b=b,
+        c=c,
+        d=d,
         sd=_spread(matrices, found, draws),
         point=dict(zip((*names, motion[0] if motion else "u"), (*state.tolist(), held), strict=True)),
-        reading=tuple(there[n:].tolist()),
-        drift=(*there[:n].tolist(), *[0.0] * len(motion)),
+        reading=reading,
+        drift=(*slopes, *[0.0] * len(motion)),
         delay=max(late, 0.0),
         warnings=tangent_warnings(found.model, bool(amplitude), speed, late),
     )
+
+
+def _sharp(effect: Effect) -> bool:
+    """Return whether a law is no smooth function of the motion: friction, drag, play, whose tangent says little."""
+    if isinstance(effect, Closure | Drive | Sensor | Shape):
+        return False
+    laws: list[sp.Expr] = [sp.sympify(effect.expression())]  # type: ignore[attr-defined]
+    if isinstance(effect, Memory):
+        laws += list(effect.states().values())
+    return any(
+        e.has(sp.Abs, sp.sign, sp.Min, sp.Max, sp.Piecewise)
+        or any(not p.exp.is_Integer for p in e.atoms(sp.Pow) if not p.exp.free_symbols and not p.base.is_number)
+        for e in laws
+    )
+
+
+def tangent_warnings(model: Model, averaged: bool, rate: float, late: float) -> tuple[str, ...]:
+    """Return where a tangent misleads."""
+    sharp = [e for e in model.terms if _sharp(e)]
+    remembered = [e.id() for e in sharp if isinstance(e, Memory)]
+    others = [e.id() for e in sharp if not isinstance(e, Memory)]
+    said = []
+    if others and not averaged and rate == 0:
+        said.append(
+            f"At rest the slope of {', '.join(others)} is that of its smoothed law, and holds for the smallest motions "
+            "only; state a speed, or an amplitude and a frequency."
+        )
+    if remembered:
+        said.append(f"{', '.join(remembered)} is linearised at its present memory; it depends on the motion before.")
+    if late < 0:
+        said.append(f"The instrument is {-late:g} s ahead, which no state-space model is; this is left out.")
+    return tuple(said)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from discovery.export.fitted import FittedModel
-from discovery.export.header import composition, docstring, origin
 from discovery.export.linear import LinearModel
+from discovery.export.source_text import composition, docstring, origin
 from discovery.foundation.arrays import FloatArray
 
 

@@ -13,10 +13,8 @@ from sympy.printing.numpy import NumPyPrinter
 from discovery.declarations import symbols as s
 from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import composition, docstring, initial_states, origin
-from discovery.export.source_text import input_words
+from discovery.export.source_text import composition, docstring, filled, indented, initial_states, input_words, origin
 from discovery.export.symbolic import Assignments, SymbolicModel, equation_text, in_parts, program_of, substituted
-from discovery.export.templates import filled, indented
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit

@@ -32,35 +32,14 @@ _MOTION = dict(zip((s.theta_m, s.omega_m, s.alpha_m), MOVING_INPUT, strict=True)
 class SymbolicModel:
     """A model in sympy: evaluate `drive`, `assignments` and `slopes` in this order.
 
-    Parameters
-    ----------
-    parameters : tuple of sympy.Symbol
-        Parameters that are still symbols.
-    recorded : tuple of sympy.Symbol
-        The recorded motor angle, or an oscillator's input that is a motion, and its two derivatives; else the recorded
-        input of an oscillator alone.
-    states : tuple of sympy.Symbol
-        Coordinates, their rates, states of memory effects; theta_t of an arm or q of an oscillator where there is a
-        closed form.
-    n_coordinates : int
-        Number of coordinates.
-    drive : tuple of (sympy.Symbol, sympy.Expr)
-        What the system receives (theta_m, theta_m', theta_m'', or u, with u' and u'' where it is a motion) in terms of
-        `recorded` and t.
-    assignments : tuple of (sympy.Symbol, sympy.Expr)
-        Intermediate values in order.
-    slopes : tuple of sympy.Expr
-        Time derivative of each state.
-    reading : tuple of sympy.Expr
-        What the instrument reports: tip x, y [m], or the output; it may need what the system receives.
-    lateness : sympy.Expr
-        Age of what it reports [s].
-    initial : tuple of sympy.Expr
-        The initial state for an initial `deflection` and `rate` and the motor's recorded angle and rate.
-    equation : sympy.Eq or None
-        The equation of motion, see `discovery.equations.equation.equation_terms`; None where there is no closed form.
-    memory : tuple of sympy.Eq
-        The equations of the states of memory effects that `equation` needs.
+    `recorded` is the motor angle, or an oscillator's input that is a motion, with its two derivatives, else the input
+    alone. `drive` says with it and t what the system receives: theta_m or u, with their rates where they are a motion.
+    `assignments` are intermediate values, and `slopes` the rates of `states`: coordinates, their rates, and states of
+    memory; theta_t of an arm or q of an oscillator where there is a closed form. `reading` is what the instrument
+    reports, tip x, y [m] or the output, of the state that is `lateness` [s] old; it may need what the system receives.
+    `initial` is the state for an initial `deflection` and `rate` and the motor's recorded angle and rate. `equation` is
+    the equation of motion, see `discovery.equations.equation.equation_terms`, None where there is no closed form, and
+    `memory` has the equations of states that it needs.
     """
 
     parameters: tuple[sp.Symbol, ...]

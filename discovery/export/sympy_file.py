@@ -10,7 +10,7 @@ import sympy as sp
 from sympy.printing.str import StrPrinter
 
 from discovery.export.fitted import FittedModel, fitted_model
-from discovery.export.header import composition, docstring, origin
+from discovery.export.source_text import composition, docstring, origin
 from discovery.export.symbolic import SymbolicModel, in_parts, to_sympy
 
 if TYPE_CHECKING:
@@ -47,17 +47,7 @@ def _everything(found: SymbolicModel) -> list[sp.Basic]:
 def to_sympy_file(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> str:
     """Return Python source that needs sympy alone and defines what `SymbolicModel` holds, with ``PARAMETERS``.
 
-    Parameters
-    ----------
-    source : FittedModel, Fit or Model
-        What to export.
-    values : mapping of str to float, optional
-        Numbers that replace those of `source` [SI, radians].
-
-    Raises
-    ------
-    InputError
-        If a parameter has no value.
+    `values` replace those of `source` [SI, radians]. InputError if a parameter has no value.
     """
     fitted = fitted_model(source, values)
     found = to_sympy(fitted)

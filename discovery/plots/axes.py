@@ -42,10 +42,7 @@ def with_unit(axis: Axis, label: str, unit: str) -> None:
 def axes_below(count: int, given: Axes | Sequence[Axes] | None) -> list[Axes]:
     """Return a column of axes: those that are given, or of a new figure of pyplot.
 
-    Raises
-    ------
-    InputError
-        If the number that is given is another, or they are no axes.
+    InputError if the number that is given is another, or they are no axes.
     """
     from discovery.foundation.errors import InputError
 

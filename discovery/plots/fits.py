@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from discovery.foundation.html_table import html_table
-from discovery.foundation.start_names import is_start
+from discovery.foundation.start_names import is_start, start_of, start_word
 from discovery.plots.axes import axes_below
-from discovery.plots.starts import starts_table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import pandas as pd
     from matplotlib.axes import Axes
@@ -74,3 +73,20 @@ class FitViews:
             if len(r.channels) > 1:
                 ax.legend(loc="upper right", fontsize="small")
         return drawn
+
+
+def starts_table(told: Iterable[tuple[str, Mapping[str, Any]]], value: str) -> pd.DataFrame:
+    """Return a row for every recording: deflection and rate at its first time, their standard deviations and units.
+
+    Of each name there are `value`, ``"sd"`` and ``"unit"``; those of physics are passed over.
+    """
+    import pandas as pd
+
+    rows: dict[str, dict[str, Any]] = {}
+    for name, entry in told:
+        if found := start_of(name):
+            what = start_word(found[0])
+            rows.setdefault(found[1], {}).update(
+                {what: entry[value], f"{what}_sd": entry["sd"], f"{what}_unit": entry["unit"]}
+            )
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("recording")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from discovery.foundation.html_table import html_table
 from discovery.foundation.start_names import is_start
 from discovery.plots.axes import axes_below
-from discovery.plots.starts import starts_table
+from discovery.plots.fits import starts_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -68,10 +68,7 @@ def save(
 def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> bool:
     """Bring ensembles to where a checkpoint of their run left them, and return whether there is one.
 
-    Raises
-    ------
-    InputError
-        If the file is not a checkpoint of this run.
+    InputError if the file is not a checkpoint of this run.
     """
     path = Path(path)
     if not path.exists():

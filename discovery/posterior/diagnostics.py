@@ -28,18 +28,11 @@ _TAILS = (0.05, 0.95)
 
 @dataclass(frozen=True)
 class Convergence:
-    """Diagnostics of every quantity.
+    """Diagnostics of every quantity, arrays (d,), of chains of so many `steps` after burn-in.
 
-    Parameters
-    ----------
-    r_hat : ndarray, shape (d,)
-        Split, rank-normalised R-hat with ensembles as chains (Vehtari et al., Bayesian Analysis 16 (2021) 667).
-    tau : ndarray, shape (d,)
-        Integrated autocorrelation time, the longest of all ensembles [steps].
-    ess : ndarray, shape (d,)
-        Effective number of samples.
-    steps : int
-        Length of the chains after burn-in.
+    `r_hat` is split and rank-normalised with ensembles as chains (Vehtari et al., Bayesian Analysis 16 (2021) 667),
+    `tau` the integrated autocorrelation time, the longest of all ensembles [steps], `ess` the effective number of
+    samples.
     """
 
     r_hat: FloatArray

@@ -19,8 +19,7 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.plots.posteriors import PosteriorViews
 from discovery.posterior.noise import is_independent, words_of
-from discovery.posterior.replication import check_pointwise
-from discovery.posterior.tree import as_tree, fields_of, readings, sampled, some
+from discovery.posterior.tree import as_tree, check_pointwise, fields_of, readings, sampled, some
 from discovery.recordings.chosen import Recordings, training_of
 
 if TYPE_CHECKING:

@@ -45,19 +45,9 @@ _THREADS = 2
 class Ensemble:
     """One ensemble of walkers with its own random stream.
 
-    Parameters
-    ----------
-    log_density : callable
-        Log density at points (k, d), minus infinity outside the support.
-    coords : ndarray, shape (walkers, d)
-        Where the walkers start.
-    random_state : tuple
-        State of a Mersenne twister, as `numpy.random.RandomState.get_state` gives it.
-
-    Raises
-    ------
-    ComputationError
-        If the walkers span less than all dimensions.
+    The log density takes points (k, d), and is minus infinity outside the support; the walkers start at `coords`
+    (walkers, d). The random state is that of a Mersenne twister, as `numpy.random.RandomState.get_state` gives it.
+    ComputationError if the walkers span less than all dimensions.
     """
 
     def __init__(self, log_density: LogDensity, coords: FloatArray, random_state: tuple[Any, ...]) -> None:
@@ -143,12 +133,8 @@ def start_ensembles(
 ) -> list[Ensemble]:
     """Return ensembles that start around the origin of whitened coordinates, each from a seed of its own.
 
-    Two streams are spawned from each seed, one for the start and one for the chain.
-
-    Raises
-    ------
-    ComputationError
-        If hardly any start has a finite log density, or the walkers are degenerate.
+    Two streams are spawned from each seed, one for the start and one for the chain. ComputationError if hardly any
+    start has a finite log density, or the walkers are degenerate.
     """
     ensembles = []
     for seed in seeds:

@@ -64,22 +64,11 @@ def independence_chains(
 ) -> Chains | None:
     """Return converged chains, or None where they cannot be trusted.
 
-    Parameters
-    ----------
-    log_density : callable
-        Log density at points (k, d), in coordinates that make it roughly standard normal.
-    frame : ndarray, shape (d, d)
-        Matrix to coordinates in which its valleys may bend.
-    seen : (ndarray, ndarray)
-        Points (k, d) at which walkers were, and the log densities there.
-    seeds : sequence of SeedSequence
-        One a chain, and one more for the adaptation.
-    values : callable
-        Makes quantities of points (..., d), whose diagnostics count.
-    wanted : (float, float)
-        Effective samples of every quantity, largest R-hat.
-    tell : callable
-        Gets the diagnostics of the chains so far, and how many seconds the rest takes.
+    The log density takes points (k, d), in coordinates that make it roughly standard normal; the matrix `frame` (d, d)
+    leads to coordinates in which its valleys may bend. `seen` are points (k, d) at which walkers were, and the log
+    densities there. There is a seed for each chain, and one more for the adaptation. `values` makes quantities of
+    points (..., d), whose diagnostics count: `wanted` are effective samples of each, and the largest R-hat. `tell` gets
+    the diagnostics of the chains so far, and how many seconds the rest takes.
     """
     adapting, *streams = [Generator(np.random.MT19937(seed)) for seed in seeds]
     try:

@@ -16,20 +16,9 @@ if TYPE_CHECKING:
 class Instrument:
     """Readings that share one noise factor: those of recordings with the same channels.
 
-    Parameters
-    ----------
-    name : str
-        Of the noise parameter: ``"sigma"``, or ``"sigma[tip_angle]"`` where there are several instruments.
-    experiments : tuple of int
-        Which experiments it read.
-    n : int
-        Number of readings.
-    noise : float
-        Stated standard deviation of a reading; 1 where the channels or recordings differ, `name` is a factor then.
-    unit : str
-        Of `noise`; ``"1"`` for a factor.
-    log_weights : float
-        Sum of the logarithms of 1/noise over all readings.
+    `name` is that of the noise parameter, ``"sigma"``, or ``"sigma[tip_angle]"`` where there are several instruments.
+    It made the `n` readings of `experiments`. `noise` is the stated standard deviation of a reading in `unit`; 1 where
+    the channels or recordings differ, and the parameter is a factor. `log_weights` sums log(1/noise) over all readings.
     """
 
     name: str

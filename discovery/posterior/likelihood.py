@@ -207,12 +207,8 @@ def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     noise, and with the widths of the declared priors: it is finite also where a parameter lies on a bound. For other
     noise it is that of generalised least squares, around the mode under that noise.
 
-    Raises
-    ------
-    NotIdentifiable
-        If the data leave a combination of parameters undetermined.
-    InputError
-        For a noise model that is not known, or does not apply to these recordings.
+    NotIdentifiable if the data leave a combination of parameters undetermined; InputError for a noise model that is not
+    known, or does not apply to these recordings.
     """
     if fit.null_directions:
         raise NotIdentifiable(

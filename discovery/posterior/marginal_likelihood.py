@@ -24,16 +24,9 @@ FEWEST_DRAWS = 100
 
 @dataclass(frozen=True)
 class Evidence:
-    """Log evidence of a model under one noise model, and the weighted draws that it comes from.
+    """Log evidence of a model under one noise model, and the weighted draws, whitened, that it comes from.
 
-    Parameters
-    ----------
-    target : LogPosterior
-        The posterior.
-    drawn : Weighted
-        Draws in its whitened coordinates.
-    log_evidence : float
-        Natural logarithm of the density of the readings [SI units], with the priors normalised within the bounds.
+    It is the natural logarithm of the density of the readings [SI units], with the priors normalised within the bounds.
     """
 
     target: LogPosterior
@@ -73,12 +66,7 @@ class Evidence:
 def log_evidence(target: LogPosterior, rng: Generator, draws: int = 4000) -> Evidence:
     """Return the log evidence of a posterior, by so many draws; look at `Evidence.reliable` before its number.
 
-    Raises
-    ------
-    ComputationError
-        If no draw has a finite density.
-    InputError
-        If a prior is no density, so that there is no evidence.
+    ComputationError if no draw has a finite density; InputError if a prior is no density, so that there is no evidence.
     """
     drawn = importance_sample(target, target.dimension, rng, draws, frame=target.factor)
     scale = float(np.log(np.diag(target.factor)).sum())

@@ -24,14 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Evidence of candidate models on the same recordings.
+    """Evidence of candidate models on the same recordings, by name of the candidate.
 
-    Parameters
-    ----------
-    evidences : mapping of str to Evidence
-        By name of the candidate.
-    held_out : mapping of str to float
-        Error of each on recordings that were held out, smaller is better; empty where there are none.
+    `held_out` is the error of each on recordings that were held out, smaller is better; empty where there are none.
     """
 
     evidences: Mapping[str, Evidence]

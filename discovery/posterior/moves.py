@@ -35,12 +35,7 @@ class IndependenceMove(emcee.moves.Move):
 
     In coordinates whitened by a fit a multivariate Student t is nearly the posterior itself, and most steps are then
     new independent draws; where it is not, the acceptance corrects it (L. Tierney, Annals of Statistics 22 (1994)
-    1701).
-
-    Parameters
-    ----------
-    proposal : StudentMixture
-        What is proposed; another one may be set between steps, which must then count as burn-in.
+    1701). Another proposal may be set between steps, which must then count as burn-in.
     """
 
     def __init__(self, proposal: StudentMixture) -> None:

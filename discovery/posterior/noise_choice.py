@@ -22,13 +22,7 @@ _DOING = "weighing noise models by their evidence"
 
 @dataclass(frozen=True, repr=False)
 class NoiseChoice:
-    """Evidence of every noise model on one fit.
-
-    Parameters
-    ----------
-    evidences : tuple of Evidence
-        The Gaussian first.
-    """
+    """Evidence of every noise model on one fit, the Gaussian first."""
 
     evidences: tuple[Evidence, ...]
 

@@ -64,15 +64,8 @@ def pool(values: ArrayLike, sds: ArrayLike) -> Pooled:
     the :math:`\sigma_j^2` (DuMouchel and Normand 2000; Röver, Journal of Statistical Software 93(6), 2020): it knows
     no unit, leaves specimens without any spread possible, and is proper from two specimens on.
 
-    Parameters
-    ----------
-    values, sds : array_like, shape (n,)
-        Estimates and their standard deviations, in the parameter's unit; at least two.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two, or a standard deviation is not positive.
+    `values` and `sds` (n,) are the estimates and their standard deviations, in the parameter's unit. InputError if
+    there are fewer than two, or a standard deviation is not positive.
     """
     y, sigma = np.asarray(values, np.float64), np.asarray(sds, np.float64)
     if y.ndim != 1 or y.shape != sigma.shape or y.size < 2:

@@ -165,10 +165,7 @@ def simulated(
 ) -> list[FloatArray]:
     """Return the channels of recordings without noise by draw, each (n, c, k); see `predictive` for initial states.
 
-    Raises
-    ------
-    SimulationFailure
-        If a draw's motion blows up.
+    SimulationFailure if a draw's motion blows up.
     """
     bench = Bench(posterior.model.base, posterior.model.effects, experiments, posterior.step)
     problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian, reference="")

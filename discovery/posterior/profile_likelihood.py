@@ -36,18 +36,9 @@ _NUMBERS = 2e7
 
 @dataclass(frozen=True)
 class Profile:
-    """Profile likelihood of one parameter.
+    """Profile likelihood of one parameter, at held `values` (g,), increasing [SI]; `best` is the estimate [SI].
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    values : ndarray, shape (g,)
-        Held values, increasing [SI].
-    statistic : ndarray, shape (g,)
-        Twice the log likelihood ratio against the best; infinite where no motion was found.
-    best : float
-        The estimate [SI].
+    The statistic (g,) is twice the log likelihood ratio against the best; infinite where no motion was found.
     """
 
     name: str

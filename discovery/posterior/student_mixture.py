@@ -25,14 +25,7 @@ _LEAST_WEIGHT = 0.005
 class StudentMixture:
     """A mixture of multivariate Student t distributions.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (m,)
-        Probabilities of the components.
-    centres : ndarray, shape (m, d)
-        Their centres.
-    factors : ndarray, shape (m, d, d)
-        Lower Cholesky factors of their scale matrices.
+    Its m components have `weights` (m,), `centres` (m, d), and scale matrices with lower Cholesky `factors` (m, d, d).
     """
 
     weights: FloatArray

@@ -14,8 +14,7 @@ from discovery.foundation.errors import SimulationFailure
 from discovery.posterior.correlations import Autocorrelation, Correlations, autocorrelation, correlations
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.predictive import Band, fitted_starts, predictive
-from discovery.posterior.prior_sensitivity import PriorEffect, prior_effects
-from discovery.posterior.priors import MarginalPrior, marginal_priors
+from discovery.posterior.priors import MarginalPrior, PriorEffect, marginal_priors, prior_effects
 from discovery.posterior.profile_likelihood import CUT, Profile, profiles
 
 if TYPE_CHECKING:

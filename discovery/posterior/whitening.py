@@ -45,25 +45,12 @@ def cholesky(covariance: FloatArray) -> FloatArray:
 def refined_start(
     fit: Fit, models: Sequence[Noise], widths: FloatArray, size_prior: Prior
 ) -> tuple[FloatArray, FloatArray]:
-    """Return centre and covariance of the sampled vector from the residual and the Jacobian of a fit.
+    """Return centre (d,) and covariance (d, d) of the sampled vector from the residual and the Jacobian of a fit.
 
-    Parameters
-    ----------
-    fit : Fit
-        Its minimum is that of ordinary least squares.
-    models : sequence of Noise
-        Noise of every instrument.
-    widths : ndarray, shape (p,)
-        Of the priors of the free numbers.
-    size_prior : Prior
-        Of the logarithm of the size of a noise.
-
-    Returns
-    -------
-    centre : ndarray, shape (d,)
-        Free numbers, log size of every noise, then the other parameters of every noise.
-    covariance : ndarray, shape (d, d)
-        Noise and free numbers uncorrelated.
+    The fit's minimum is that of ordinary least squares; `models` is the noise of every instrument, `widths` (p,) are
+    those of the priors of the free numbers, and `size_prior` is that of the logarithm of the size of a noise. The
+    vector has the free numbers, the log size of every noise, then the other parameters of every noise; noise and free
+    numbers are uncorrelated.
     """
     mode = joint_mode(fit, models, size_prior)
     x = mode.x

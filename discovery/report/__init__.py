@@ -6,5 +6,3 @@ Here belongs what is shown. What computes a number does not.
 from __future__ import annotations
 
 from discovery.report.page import build_report as build_report
-
-__all__ = ["build_report"]

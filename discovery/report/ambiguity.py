@@ -20,7 +20,7 @@ _PULL = (
 )
 
 
-def undecided(run: Run) -> list[str]:
+def _undecided(run: Run) -> list[str]:
     """Return for each added effect that others explain as well, or an error of the rig file, one sentence."""
     found = []
     for e in run.loop["effects"]:
@@ -38,24 +38,14 @@ def undecided(run: Run) -> list[str]:
     return found
 
 
-def contradictions(run: Run) -> list[str]:
-    """Return every contradiction as a sentence."""
-    return contradiction_sentences(run.loop.get("contradiction"))
-
-
-def cautions(run: Run) -> list[str]:
-    """Return why the answer may not be believed, as the fit itself shows, a sentence each."""
-    found = map(caution_sentence, run.loop.get("cautions", ()))
-    return [words if words.endswith("?") else f"{words}." for words in found]
-
-
 def told(run: Run) -> dict[str, list[str]]:
-    """Return the sentences of the page on what questions the answer."""
+    """Return the sentences of the page on what questions the answer, as the console says them."""
+    cautions = map(caution_sentence, run.loop.get("cautions", ()))
     return {
-        "undecided": undecided(run),
-        "advice": advice(run),
-        "contradictions": contradictions(run),
-        "cautions": cautions(run),
+        "undecided": _undecided(run),
+        "advice": [separation_sentence(design) for design in run.loop.get("separation") or ()],
+        "contradictions": contradiction_sentences(run.loop.get("contradiction")),
+        "cautions": [words if words.endswith("?") else f"{words}." for words in cautions],
     }
 
 
@@ -79,26 +69,14 @@ def reconciliations_table(run: Run) -> Table | None:
             raw.append([c["parameter"], t["id"], t["value"], t["z"], t["odds"], t["reconciles"]])
     if not cells:
         return None
-    head = (
-        "parameter",
-        "with the effect",
-        "its parameters",
-        "value then",
-        "difference [sds]",
-        "log odds [nats]",
-        "reconciles",
-    )
+    shown = ("value then", "difference [sds]", "log odds [nats]", "reconciles")
+    head = ("parameter", "with the effect", "its parameters", *shown)
     keys = ("parameter", "effect", "value", "z", "odds", "reconciles")
     caption = (
         "Effects that could take the contradicting value to its prediction, with the log odds of each against an error "
         "of the rig file. None of them is excluded that reconciles."
     )
-    return Table("reconciliations", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 6))
-
-
-def advice(run: Run) -> list[str]:
-    """Return what to record next for each group of rivals, or that nothing decides, as the console says it."""
-    return [separation_sentence(design) for design in run.loop.get("separation") or ()]
+    return Table("reconciliations", caption, head, cells, keys, raw, text=(0, 1, 2, 6))
 
 
 def separation_table(run: Run) -> Table | None:
@@ -113,14 +91,8 @@ def separation_table(run: Run) -> Table | None:
         values = [alike, d["given"]["projected"], d["designed"]["projected"], d["designed"]["chi2"]]
         cells.append([f"{i + 1}", listed(effect_name(e) for e in d["rivals"]), *(significant(v) for v in values)])
         raw.append([i + 1, "; ".join(d["rivals"]), *values])
-    head = (
-        "manoeuvre",
-        "rivals, simplest first",
-        "similarity",
-        "apart, given",
-        "apart, designed",
-        "chi-square expected",
-    )
+    apart = ("apart, given", "apart, designed", "chi-square expected")
+    head = ("manoeuvre", "rivals, simplest first", "similarity", *apart)
     keys = ("manoeuvre", "rivals", "similarity", "given_projected", "designed_projected", "designed_chi2")
     caption = (
         "Effects that these recordings cannot tell apart. Similarity: largest cosine between sensitivities of their "
@@ -130,7 +102,7 @@ def separation_table(run: Run) -> Table | None:
     )
     if files := [f"manoeuvre_{i}.csv" for i, d in enumerate(designs, 1) if d["decides"]]:
         caption += f" The course, or what is predicted after a release, is in {listed(files)}."
-    return Table("separation", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
+    return Table("separation", caption, head, cells, keys, raw, text=(0, 1))
 
 
 def input_of(design: Mapping[str, Any]) -> tuple[str, str]:
@@ -167,6 +139,7 @@ def contradictions_table(run: Run) -> Table | None:
     if not tested or not tested["checks"]:
         return None
     reconciling = {c["parameter"]: c["reconciling"] for c in tested["contradictions"]}
+    keys = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "odds")
     cells, raw = [], []
     for c in tested["checks"]:
         names = reconciling.get(c["parameter"], [])
@@ -183,22 +156,13 @@ def contradictions_table(run: Run) -> Table | None:
                 outcome,
             ]
         )
-        keys = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "odds")
         raw.append([*(c[k] for k in keys), "; ".join(names)])
-    head = (
-        "parameter",
-        "fitted ± sd",
-        "predicted ± sd",
-        "unit",
-        "difference [sds]",
-        "log odds [nats]",
-        "reconciled by",
-    )
-    raw_head = ("parameter", "unit", "value", "sd", "predicted", "predicted_sd", "z", "odds", "reconciled_by")
+    apart = ("difference [sds]", "log odds [nats]", "reconciled by")
+    head = ("parameter", "fitted ± sd", "predicted ± sd", "unit", *apart)
     caption = (
         "Fitted values against what the rig predicts; log odds that what is stated is too narrow. An "
         "effect that free parameters absorb leaves no residual, but contradicts a prediction."
     )
     if any(c["parameter"] == "k_g" for c in tested["checks"]):
         caption += _PULL
-    return Table("contradictions", caption, header=head, rows=cells, raw_header=raw_head, raw_rows=raw, text=(0, 3, 6))
+    return Table("contradictions", caption, head, cells, (*keys, "reconciled_by"), raw, text=(0, 3, 6))

@@ -9,16 +9,15 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.report.declared_formulas import known_constants
-from discovery.report.energies import meanings
+from discovery.report.effect_formulas import known_constants, meanings
 from discovery.report.equations import model_formulas
-from discovery.report.estimates import declared_parameters, unit_of
+from discovery.report.estimates import declared_parameters, symbol_of, unit_of
 from discovery.report.latex import latex
 from discovery.report.mathml import WORD, broken, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
-from discovery.report.sentences import chances, inclusion_words
-from discovery.report.words import compared_groups, effect_name, error_scale, listed
+from discovery.report.sentences import chances, effect_sentence, inclusion_words
+from discovery.report.words import compared_groups, effect_name, effect_title, error_scale, listed
 
 #: Digits of a coefficient in the equation; the list beside it has them all.
 _DIGITS = 4
@@ -125,6 +124,26 @@ def _with_numbers(body: str, values: Mapping[str, str]) -> str:
     return _SIDE_BY_SIDE.sub(r"\1<mo>·</mo>", body)
 
 
+def added_effects(run: Run) -> list[dict[str, Any]]:
+    """Return what the loop added, each with its parameters, its odds and its rivals in words."""
+    found = []
+    for e in run.loop["effects"]:
+        values = [
+            (symbol_of(name), f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
+            for name, p in e["parameters"].items()
+        ]
+        found.append(
+            {
+                "name": effect_name(e["id"]),
+                "title": effect_title(e["id"]),
+                "parameters": values,
+                "odds": effect_sentence(e),
+                "rivals": listed(effect_name(r) for r in e["ambiguous_with"]),
+            }
+        )
+    return found
+
+
 def parameter_lines(run: Run) -> list[dict[str, Any]]:
     """Return the parameters of the final model: symbol, value with its deviation, unit, and what it is."""
     after = run.loop["model"]["after"]
@@ -159,7 +178,8 @@ def parameter_lines(run: Run) -> list[dict[str, Any]]:
 
 def error_bars(run: Run) -> dict[str, Any]:
     """Return the error of every group before and after, with where each lies between the smallest and the largest."""
-    errors, scale, groups = run.loop["errors"], error_scale(run), compared_groups(run)
+    errors, groups = run.loop["errors"], compared_groups(run)
+    scale = error_scale(errors)
     floor = errors["noise_floor"]
     sizes = {g: [errors[w][g]["rms"] for w in ("before", "after")] for g in groups}
     known = [v for pair in sizes.values() for v in (*pair, floor) if v and math.isfinite(v)]

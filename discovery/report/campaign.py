@@ -32,16 +32,9 @@ def build_campaign(
 ) -> Path:
     """Write ``campaign.html``, one file, and ``tables/`` of a campaign, and return the path of the page.
 
-    A case that has a page of its own, ``CASE/report.html``, is linked to it.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder of the campaign.
-    rows, pooled : sequence of mapping
-        From `discovery.runs.campaign.rows` and `discovery.runs.pooling.pooled_parameters`.
-    dashboard : str
-        Address of the dashboard of the cluster that did the cases; of the web, else it is not linked.
+    A case that has a page of its own, ``CASE/report.html``, is linked to it. Rows and pooled parameters are those of
+    `discovery.runs.campaign.rows` and `discovery.runs.pooling.pooled_parameters`. The dashboard is the address of that
+    of the cluster that did the cases; where it is not of the web, it is not linked.
     """
     tables = {"matrix": _matrix(folder, rows), "worst": _worst(folder, rows)}
     if pooled:
@@ -97,7 +90,7 @@ def _matrix(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
     caption = "Verdict of each case, and what was added to its declared model (●)."
     head = ("case", "verdict", *map(effect_name, effects))
     keys = ("case", "verdict", *effects)
-    return Table("matrix", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
+    return Table("matrix", caption, head, cells, keys, raw, text=(0, 1))
 
 
 def _left(row: Mapping[str, Any]) -> float:
@@ -127,7 +120,7 @@ def _worst(folder: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
     )
     head = ("case", "before", "after", "floor", "unit", "after / floor", "verdict because")
     keys = ("case", "before", "after", "noise_floor", "unit", "after_over_floor", "because")
-    return Table("worst", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 4, 6))
+    return Table("worst", caption, head, cells, keys, raw, text=(0, 4, 6))
 
 
 def _pooled(pooled: Sequence[Mapping[str, Any]]) -> Table:
@@ -150,4 +143,4 @@ def _pooled(pooled: Sequence[Mapping[str, Any]]) -> Table:
     head = ("parameter", "of", "kind", "cases", "mean", "spread", "next specimen", "shrinkage", "unit")
     columns = (f"{part}_{end}" for part in parts for end in ("low", "median", "high"))
     keys = ("parameter", "effect", "kind", "cases", *columns, "unit")
-    return Table("pooled", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 8))
+    return Table("pooled", caption, head, cells, keys, raw, text=(0, 1, 2, 8))

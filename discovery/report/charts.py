@@ -1,9 +1,12 @@
-"""The recordings as a live chart needs them: samples as small integers, ready to be embedded in a page."""
+"""What the reader's browser gets: samples for the live chart as small integers, and fixed scripts, allowed by hash."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -22,6 +25,8 @@ _SMOOTH = 0.3
 _RECORDINGS = 6
 #: The integer that stands for a gap, and the largest one that stands for a value.
 _GAP, _LARGEST = -32768, 32767
+#: Files of `assets` in the order in which they run: the plotting library (MIT licence beside it), and the page's own.
+_SCRIPTS = ("uPlot.iife.min.js", "page.js", "chart.js")
 
 
 def chart_data(run: Run) -> Markup | None:
@@ -106,3 +111,30 @@ def _packed(values: FloatArray) -> dict[str, Any]:
     whole = np.where(np.isfinite(values), np.rint((np.nan_to_num(values) - low) / step) - _LARGEST, _GAP)
     data = base64.b64encode(whole.astype("<i2").tobytes()).decode("ascii")
     return {"low": low, "step": step, "data": data}
+
+
+@cache
+def _asset(name: str) -> str:
+    return (files("discovery.report") / "assets" / name).read_text(encoding="utf-8")
+
+
+def scripts(*, chart: bool) -> list[Markup]:
+    """Return the text of every script of a page; those of the live chart only where there is one."""
+    return [Markup(_asset(name)) for name in _SCRIPTS if chart or name == "page.js"]
+
+
+def sheet() -> Markup:
+    """Return the style sheet of the plotting library."""
+    return Markup(_asset("uPlot.min.css"))
+
+
+def policy(*, chart: bool) -> str:
+    """Return the content-security policy: no request at all, and only scripts with these hashes."""
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+        for text in scripts(chart=chart)
+    )
+    return (
+        f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {hashes}; "
+        "base-uri 'none'; form-action 'none'"
+    )

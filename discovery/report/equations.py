@@ -1,9 +1,14 @@
-"""The models of a run as formulas: what each effect adds to the equation of motion, or to the arm's energies."""
+"""The models of a run as formulas: what each effect adds to the equation of motion, or to the arm's energies.
+
+Beside them what the sparse regression proposes, from smoothed derivatives alone.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import floor, log10
+from typing import Any
 
 import sympy as sp
 from markupsafe import Markup
@@ -11,26 +16,33 @@ from markupsafe import Markup
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect, Memory, Mode, Sensor
 from discovery.declarations.registry import get_effect
-from discovery.equations.equation import equation_terms, motion_symbols
+from discovery.equations.equation import MOVING_INPUT, equation_terms, motion_symbols
 from discovery.equations.model import Model
 from discovery.mechanics import get_base
-from discovery.report.declared_formulas import declared_formulas, fault_formula, placed_formula
 from discovery.report.effect_formulas import (
     LETTERS,
     along_the_rod,
+    are_summed,
     coordinate_name,
+    declared_formulas,
     effect_formula,
     equal,
+    fault_formula,
     laws,
     mode_formula,
+    placed_formula,
     rounded_factors,
     signed,
+    summed,
     together,
 )
-from discovery.report.energies import are_summed, summed
 from discovery.report.latex import latex
-from discovery.report.mathml import block, number, power, row, symbol, total
+from discovery.report.mathml import block, formula, number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
+from discovery.report.numbers import significant, unit_text
+from discovery.report.results import Run
+from discovery.report.style import label
+from discovery.report.tables import name_cell
 from discovery.theory.dynamic_reduction import DYNAMIC_REDUCTION
 
 
@@ -184,6 +196,68 @@ def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:
     return effect_formula(group[0], system) if len(group) == 1 else laws(group, system)
 
 
-def discovered_equation(terms: list[tuple[str, str]], inputs: list[tuple[str, str]], system: str) -> str:
-    """Return an equation found by regression, from the printed coefficient and the MathML of each term and input."""
-    return equal(total([("", symbol(coordinate_name(system), 2)), *terms]), total(inputs))
+def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
+    """Return what stands for the input of a system on a line, by symbol: its gains, and u; nothing without an input.
+
+    The model is what `discovery.equations.model.Model.to_dict` gave.
+    """
+    base = get_base(model["base"])
+    if base.system.has_rod or base.places() or undriven(model):
+        return {}
+    free = equation_terms(Model(model["base"], tuple(model["effects"]))).drive.free_symbols
+    if not free & set(MOVING_INPUT):
+        return {}
+    names = {x.name for x in free}
+    return {**{p.name: p.meaning for p in base.parameters() if p.name in names}, "u": "recorded input"}
+
+
+def drive_words(run: Run) -> Markup:
+    """Return what the symbols of the input mean, as part of a sentence; empty without one."""
+    name, unit = run.input_name, unit_text(run.input_unit)
+    found = [
+        Markup("{} is the {}").format(name_cell(letter), label(f"recorded {name}", unit) if letter == "u" else meaning)
+        for letter, meaning in drive_symbols(run.loop["model"]["before"]["model"]).items()
+    ]
+    return Markup(", ").join(found)
+
+
+def regression_equation(equation: Mapping[str, Any], system: str) -> Markup:
+    """Return an equation of the regression with its numbers, as many digits as their intervals deserve."""
+    terms = [("", symbol(coordinate_name(system), 2))]
+    inputs: list[tuple[str, str]] = []
+    for term, value, sd in zip(equation["terms"], equation["coefficients"], equation["sd"], strict=True):
+        side = inputs if term == "u" else terms
+        side.append((significant(value, _digits(value, sd)), "" if term == "1" else formula(term)))
+    return Markup(block(equal(total(terms), total(inputs))))
+
+
+def found_terms(discovery: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return terms, coefficients and deviations of the discovered equation."""
+    keys = {"terms": "term", "coefficients": "coefficient", "sd": "sd"}
+    return {name: [t[key] for t in discovery["terms"]] for name, key in keys.items()}
+
+
+def three_terms(discovery: Mapping[str, Any], system: str) -> Mapping[str, Any] | None:
+    """Return the best equation of three terms where the discovered one has another size."""
+    best = discovery.get("best_three")
+    if not best or len(best["terms"]) == len(discovery["terms"]):
+        return None
+    return {"share": f"{100 * best['probability']:.0f} %", "equation": regression_equation(best, system)}
+
+
+def _digits(value: float, sd: float | None) -> int:
+    """Return the significant digits down to the first one of the standard deviation, between two and six."""
+    if not value or not sd or sd <= 0:
+        return 4
+    return min(6, max(2, 1 + floor(log10(abs(value))) - floor(log10(sd))))
+
+
+def standing(run: Run) -> str:
+    """Return what the proposal is beside the final model, so that nobody takes what it leaves for what is missing."""
+    words = (
+        "This is an independent proposal, not the answer: a regression on smoothed derivatives, which knows sums of "
+        "simple terms alone. It says which terms the motion shows before anything is assumed. "
+    )
+    if run.loop["verdict"] in ("explained", "nothing_missing"):
+        return words + "What it leaves is what such a sum cannot say; the final model has it, and leaves noise."
+    return words + "What it leaves is what such a sum cannot say; how much the final model leaves, the verdict states."

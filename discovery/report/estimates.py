@@ -104,15 +104,12 @@ def posterior_table(run: Run) -> Table:
     )  # fmt: skip
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95", "fit_value", "fit_sd", *known)
     kind = rows[0]["interval"] if rows else "90 % interval"
-    raw = [[r.get(k) for k in keys] for r in rows]
     caption = f"Parameters. 5 to 95 %: {kind}. Fit: least squares, with a standard deviation that counts residuals as "
     caption += f"correlated as they are; that of the posterior ({effect_name(run.noise_sampled)} noise) " + (
         "does not." if is_independent(run.noise_sampled) else "is that of its own noise."
     )
     order = (0, 3, 2, 4, 5, 6, 7, *([8] if paper else []), 1)
-    return Table(
-        "posterior", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2), narrow=order
-    )
+    return Table("posterior", caption, head, cells, keys, rows, text=(0, 1, 2), narrow=order)
 
 
 def prior_words(prior: Mapping[str, Any] | None) -> str:
@@ -152,16 +149,9 @@ def nuisance_table(run: Run) -> Table | None:
         for r in rows
     ]
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95")
-    raw = [[r.get(k) for k in keys] for r in rows]
-    return Table(
-        "initial_states",
-        "Initial states, sampled with the parameters.",
-        header=("", "unit", "mean ± sd", "90 % interval"),
-        rows=cells,
-        raw_header=keys,
-        raw_rows=raw,
-        text=(0, 1),
-    )
+    head = ("", "unit", "mean ± sd", "90 % interval")
+    caption = "Initial states, sampled with the parameters."
+    return Table("initial_states", caption, head, cells, keys, rows, text=(0, 1))
 
 
 def final_table(run: Run) -> Table:
@@ -191,16 +181,10 @@ def final_table(run: Run) -> Table:
         cells = [row[:-1] for row in cells]
     head = ("", "meaning", "unit", "final ± sd", "before ± sd", *told, *(["why no interval"] if unsure else []))
     caption = "Parameters of the final model, least squares, one standard deviation; initial states are not listed."
-    return Table(
-        "final_model",
-        caption,
-        header=head,
-        rows=cells,
-        raw_header=("name", "unit", "value", "sd", "reason"),
-        raw_rows=raw,
-        text=(0, 1, 2, *([len(head) - 1] if unsure else [])),
-        narrow=tuple(i for i in (_NARROW_TOLD if physical else _NARROW) if i < len(head)),
-    )
+    keys = ("name", "unit", "value", "sd", "reason")
+    text = (0, 1, 2, *([len(head) - 1] if unsure else []))
+    narrow = tuple(i for i in (_NARROW_TOLD if physical else _NARROW) if i < len(head))
+    return Table("final_model", caption, head, cells, keys, raw, text=text, narrow=narrow)
 
 
 def _alike(comparison: Sequence[Mapping[str, Any]]) -> Iterable[list[Mapping[str, Any]]]:
@@ -236,10 +220,9 @@ def elastica_table(run: Run) -> Table:
     head = ("", "unit", "rod’s mass", "law", "posterior ± sd", "elastica ± sd", "difference [sd]")
     means = ("posterior_mean", "posterior_sd", "predicted_mean", "predicted_sd")
     keys = ("mass", "law", "parameter", "unit", *means, "difference", "discrepancy")
-    raw = [[r.get(k) for k in keys] for r in comparison]
     caption = (
         "Posterior against what the elastica predicts from the rig file; the difference is in standard deviations of "
         "both together. Massless and counted: the rod’s own mass left out, or added to the tip as 33/140 of it. "
         f"Standard deviations of the posterior are those under {effect_name(run.noise_sampled)} noise."
     )
-    return Table("elastica", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2, 3))
+    return Table("elastica", caption, head, cells, keys, comparison, text=(0, 1, 2, 3))

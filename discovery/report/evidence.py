@@ -38,15 +38,7 @@ def terms_table(run: Run) -> Table:
         "Terms of the discovered equation, SI units. The coefficients are those of the regression; trajectories decide "
         "below."
     )
-    return Table(
-        "terms",
-        caption,
-        header=head,
-        rows=cells,
-        raw_header=keys,
-        raw_rows=[[t[k] for k in keys] for t in terms],
-        text=(0, 1),
-    )
+    return Table("terms", caption, head, cells, keys, terms, text=(0, 1))
 
 
 def equations_table(run: Run) -> Table | None:
@@ -71,7 +63,7 @@ def equations_table(run: Run) -> Table | None:
         "The trade-off: best equations of each size. Unexplained: share of the variance left. Likelihood ratio: "
         "of the best of the size over this one. Probability: share of resamples that prefer it among its size."
     )
-    return Table("equations", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(1, 5))
+    return Table("equations", caption, head, cells, keys, raw, text=(1, 5))
 
 
 def radius_table(run: Run) -> Table | None:
@@ -90,16 +82,8 @@ def radius_table(run: Run) -> Table | None:
         for r in radius["rivals"]
     ]
     head = ("radius over length", "least squares", "unexplained share", "likelihood ratio")
-    raw = [[r[k] for k in keys] for r in radius["rivals"]]
-    return Table(
-        "radius_laws",
-        "Radius laws that compete; a likelihood ratio under 10 means “cannot tell”.",
-        header=head,
-        rows=cells,
-        raw_header=keys,
-        raw_rows=raw,
-        text=(0, 1),
-    )
+    caption = "Radius laws that compete; a likelihood ratio under 10 means “cannot tell”."
+    return Table("radius_laws", caption, head, cells, keys, radius["rivals"], text=(0, 1))
 
 
 def residual_table(run: Run) -> Table | None:
@@ -174,15 +158,7 @@ def ranking_table(run: Run) -> Table | None:
         "was weighed. Training: log evidence gained over the model of the search. Held out: log predictive score "
         "gained. Size: movement of the prediction over the model error that is left."
     )
-    return Table(
-        "candidates",
-        caption,
-        header=head,
-        rows=cells,
-        raw_header=("search", "effects", "outcome", *keys),
-        raw_rows=raw,
-        text=(1, 2),
-    )
+    return Table("candidates", caption, head, cells, ("search", "effects", "outcome", *keys), raw, text=(1, 2))
 
 
 def effects_table(run: Run) -> Table | None:
@@ -230,15 +206,7 @@ def model_error_table(run: Run) -> Table:
         "The model error: what a model leaves beside the noise, correlated over the natural time. Its size is fitted "
         "with the parameters, and is one standard deviation."
     )
-    return Table(
-        "model_error",
-        caption,
-        header=("", "size", "unit"),
-        rows=cells,
-        raw_header=("quantity", "value", "unit"),
-        raw_rows=raw,
-        text=(0, 2),
-    )
+    return Table("model_error", caption, ("", "size", "unit"), cells, ("quantity", "value", "unit"), raw, text=(0, 2))
 
 
 def distortion_table(run: Run) -> Table | None:
@@ -255,24 +223,7 @@ def distortion_table(run: Run) -> Table | None:
         levels = [scale.text(x) for x in (d["level"], d["noise"])]
         ratios = [significant(d["ratio_db"]), significant(d["limit_db"])]
         cells.append([d["parity"], d["basis"], f"{d['lines']}", *levels, scale.symbol, *ratios, verdict])
-    head = (
-        "nonlinearity",
-        "seen on",
-        "lines",
-        "level, rms",
-        "noise, rms",
-        "unit",
-        "over noise [dB]",
-        "limit [dB]",
-        "detected",
-    )
+    sizes = ("level, rms", "noise, rms", "unit", "over noise [dB]", "limit [dB]")
+    head = ("nonlinearity", "seen on", "lines", *sizes, "detected")
     caption = f"Nonlinear distortion of the {multisine['kind']} multisine, before any term is proposed."
-    return Table(
-        "distortion",
-        caption,
-        header=head,
-        rows=cells,
-        raw_header=keys,
-        raw_rows=[[d[k] for k in keys] for d in multisine["distortions"]],
-        text=(0, 1, 5, 8),
-    )
+    return Table("distortion", caption, head, cells, keys, multisine["distortions"], text=(0, 1, 5, 8))

@@ -13,11 +13,10 @@ from typing import Any
 
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
-from discovery.report.numbers import scale_for_change
 from discovery.report.page import environment, written
 from discovery.report.results import read_run
 from discovery.report.sentences import chances
-from discovery.report.words import effect_name, origin, sentence, values_text
+from discovery.report.words import effect_name, error_scale, origin, sentence, values_text
 from discovery.results.judging import held_group
 from discovery.results.provenance import read_json
 
@@ -47,12 +46,7 @@ def build_index(folder: Path) -> Path:
 
     Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
     ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side, ``closed_loop``
-    the controllers.
-
-    Raises
-    ------
-    InputError
-        If no subfolder holds results.
+    the controllers. InputError if no subfolder holds results.
     """
     whole = [read_run(p.parent) for p in sorted(folder.glob("*/results.json"))]
     loops = [p.parent for p in sorted(folder.glob("*/loop.json")) if not (p.parent / "results.json").exists()]
@@ -83,8 +77,7 @@ def _pages(folder: Path) -> list[tuple[str, str, str]]:
 def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> dict[str, Any]:
     """Return what a card says of a run."""
     errors = loop["errors"]
-    group = held_group(errors)
-    scale = scale_for_change(errors["unit"], *(errors[when][group]["rms"] for when in ("before", "after")))
+    group, scale = held_group(errors), error_scale(errors)
     page = folder / "report.html"
     picture = _PICTURE.search(page.read_text(encoding="utf-8")) if page.is_file() else None
     return {

@@ -156,7 +156,7 @@ def dependence_table(run: Run) -> Table | None:
         "variables that predict nearly as much as the best."
     )
     head, keys = ("depends on", "predicted share", "p value", ""), ("variables", "share", "p_value", "chosen")
-    return Table("force_dependence", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 3))
+    return Table("force_dependence", caption, head, cells, keys, raw, text=(0, 3))
 
 
 def patches_table(run: Run) -> Table | None:
@@ -165,19 +165,18 @@ def patches_table(run: Run) -> Table | None:
     if not missing or not missing["patches"]:
         return None
     unit = run.loop["errors"]["unit"]
-    cells, raw = [], []
+    cells = []
     for p in missing["patches"]:
         scale = scale_for(unit, p["before"] or 0.0)
         errors = [scale.text(p[k]) for k in ("before", "after")]
         accepted = "accepted" if p["accepted"] else "refused"
         cells.append([p["kind"], _names(run, p["variables"]), *errors, scale.symbol, accepted])
-        raw.append([p[k] for k in ("kind", "formula", "before", "after", "accepted", "reason")])
     head = ("patch", "in", "held-out rms without", "with", "unit", "")
     keys = ("kind", "formula", "before", "after", "accepted", "reason")
     caption = (
         "Laws of the missing force, run freely on the held-out recordings. A patch describes; it explains nothing."
     )
-    return Table("patches", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 4, 5))
+    return Table("patches", caption, head, cells, keys, missing["patches"], text=(0, 1, 4, 5))
 
 
 def sentences(run: Run) -> list[str]:

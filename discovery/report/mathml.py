@@ -1,4 +1,7 @@
-"""Equations as presentation MathML, which browsers draw without any script or font of their own."""
+"""Equations as presentation MathML, which browsers draw without any script or font of their own.
+
+Terms as the result files name them, such as ``delta^2 theta_t'``, are read into it.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from collections.abc import Iterator, Sequence
 from xml.etree.ElementTree import Element, fromstring, tostring
 
 from markupsafe import escape
+
+from discovery.foundation.errors import InputError
 
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
@@ -19,6 +24,9 @@ GREEK = {
 #: A word below the dots of a time derivative, and the size of these.
 WORD = '<mpadded height="1em">'
 _WORD_DOT = ' mathsize="140%"'
+_SIGNS = ("+", "−", "=")
+_LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789\N{MINUS SIGN}")
+_FUNCTIONS = ("sin", "cos", "sign", "tanh", "sqrt")
 
 
 def row(*parts: str) -> str:
@@ -34,9 +42,6 @@ def inline(body: str) -> str:
 def block(body: str) -> str:
     """Return a formula on a line of its own."""
     return f'<math display="block">{body}</math>'
-
-
-_SIGNS = ("+", "−", "=")
 
 
 def broken(body: str) -> str:
@@ -76,9 +81,6 @@ def _has_sign(node: Element) -> bool:
     return any(
         part.text in (*_SIGNS, ",") if part.tag == "mo" else part.tag == "mrow" and _has_sign(part) for part in node
     )
-
-
-_LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789\N{MINUS SIGN}")
 
 
 def number(text: str) -> str:
@@ -130,3 +132,84 @@ def total(terms: Sequence[tuple[str, str]]) -> str:
             parts.append(f"<mn>{size}</mn>")
         parts.append(row('<mspace width="0.17em"/>' if size and factor else "", factor))
     return row(*parts) if parts else "<mn>0</mn>"
+
+
+class _Reader:
+    """Recursive descent over a small language: sums of products of names, powers, |x| and functions."""
+
+    _TOKEN = re.compile(r"\s*(?:(?P<number>\d+\.?\d*)|(?P<name>[A-Za-z]+(?:_\w+)?)(?P<dots>'*)|(?P<mark>[-+^()|]))")
+
+    def __init__(self, text: str) -> None:
+        self.tokens: list[re.Match[str]] = []
+        position = 0
+        while position < len(text.rstrip()):
+            token = self._TOKEN.match(text, position)
+            if token is None:
+                raise InputError(f"The formula {text!r} cannot be read at {text[position:]!r}.")
+            self.tokens.append(token)
+            position = token.end()
+        self.position = 0
+        self.inside = False  # between two bars, where the next one closes
+
+    def peek(self) -> str:
+        return self.tokens[self.position].group().strip() if self.position < len(self.tokens) else ""
+
+    def take(self) -> re.Match[str]:
+        if self.position >= len(self.tokens):
+            raise InputError("A formula ends too early.")
+        self.position += 1
+        return self.tokens[self.position - 1]
+
+    def sum(self) -> str:
+        parts = []
+        while self.peek() not in ("", ")", "|"):
+            if self.peek() in "+-":
+                parts.append(f"<mo>{'−' if self.take().group().strip() == '-' else '+'}</mo>")
+            parts.append(self.product())
+        return row(*parts)
+
+    def product(self) -> str:
+        parts = [self.power()]
+        while (self.peek() and self.peek() not in ("+", "-", ")", "|")) or (self.peek() == "|" and not self.inside):
+            parts += ['<mspace width="0.12em"/>', self.power()]
+        return row(*parts)
+
+    def power(self) -> str:
+        base = self.atom()
+        if self.peek() != "^":
+            return base
+        self.take()
+        return power(base, self.atom())
+
+    def atom(self) -> str:
+        token = self.take()
+        mark = token["mark"]
+        if token["number"]:
+            return f"<mn>{token['number']}</mn>"
+        if mark == "|":
+            self.inside = True
+            body = self.sum()
+            self.take()
+            self.inside = False
+            return row("<mo>|</mo>", body, "<mo>|</mo>")
+        if mark == "(":
+            body = self.sum()
+            self.take()
+            return row("<mo>(</mo>", body, "<mo>)</mo>")
+        if mark:
+            raise InputError(f"A formula has {mark!r} where a factor should be.")
+        if token["name"] in _FUNCTIONS and self.peek() == "(":
+            return row(f"<mi>{token['name']}</mi>", "<mo>&#x2061;</mo>", self.atom())
+        return symbol(token["name"], len(token["dots"]))
+
+
+def formula(text: str) -> str:
+    """Return MathML of a term as results name it, such as ``delta^2 theta_t'`` or ``1 - a delta^2``.
+
+    InputError if the text is not such a formula.
+    """
+    reader = _Reader(text)
+    body = reader.sum()
+    if reader.peek():
+        raise InputError(f"The formula {text!r} cannot be read at {reader.peek()!r}.")
+    return body

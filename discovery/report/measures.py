@@ -41,7 +41,7 @@ def recordings_table(run: Run) -> Table:
         raw.append([" ".join(r[k]) if k == "channels" else r[k] for k in keys])
     largest = f"largest {'deflection' if run.system.has_rod else run.output_name if run.reads_coordinate else 'motion'}"
     head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")
-    return Table("recordings", "Recordings.", header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2))
+    return Table("recordings", "Recordings.", head, cells, keys, raw, text=(0, 1, 2))
 
 
 def _largest(value: float, unit: str) -> str:
@@ -72,7 +72,8 @@ def _side_by_side(
 
 def errors_table(run: Run) -> Table:
     """Return the errors before and after by group of recordings."""
-    errors, scale = run.loop["errors"], error_scale(run)
+    errors = run.loop["errors"]
+    scale = error_scale(errors)
     rows = [(g, name, {w: errors[w][g] for w in _WHEN}) for g, name in error_groups(run).items()]
     floor = scale.quantity(errors["noise_floor"])
     what = (
@@ -92,7 +93,8 @@ def scored_table(run: Run) -> Table | None:
         return None
     rows = [(name, effect_name(name), m) for name, m in tested.items()]
     caption = "Free-run errors on recordings that are only scored: neither a fit nor a decision has seen them."
-    return _side_by_side("scored", caption, rows, error_scale(run), unit=run.loop["errors"]["unit"])
+    errors = run.loop["errors"]
+    return _side_by_side("scored", caption, rows, error_scale(errors), unit=errors["unit"])
 
 
 def clean_table(run: Run) -> Table | None:

@@ -123,16 +123,9 @@ def honest_table(run: Run) -> Table | None:
         f"Parameters. 5 to 95 %: 90 % credible interval under {effect_name(best['noise'])} noise, which the evidence "
         "prefers. Fit: least squares, with a standard deviation that counts residuals as correlated as they are."
     )
-    return Table(
-        "parameters",
-        caption,
-        header=head,
-        rows=cells,
-        raw_header=("name", "unit", "q05", "q50", "q95", "sampled_q05", "sampled_q95"),
-        raw_rows=raw,
-        text=(0, 1, 2),
-        narrow=(0, 3, 2, 4, 5, 6, 7, *([8] if paper else []), 1),
-    )
+    keys = ("name", "unit", "q05", "q50", "q95", "sampled_q05", "sampled_q95")
+    order = (0, 3, 2, 4, 5, 6, 7, *([8] if paper else []), 1)
+    return Table("parameters", caption, head, cells, keys, raw, text=(0, 1, 2), narrow=order)
 
 
 def noise_table(run: Run) -> Table | None:

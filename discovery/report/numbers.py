@@ -71,9 +71,14 @@ def fixed(value: float, decimals: int) -> str:
     return (_MINUS if whole.startswith("-") else "") + digits + dot + rest
 
 
+def ten_to(exponent: int) -> str:
+    """Return a power of ten."""
+    return f"10{str(exponent).translate(_SUPERSCRIPT)}"
+
+
 def power_of_ten(exponent: int) -> str:
     """Return the factor that stands behind a number."""
-    return f"×{_NARROW}10{str(exponent).translate(_SUPERSCRIPT)}"
+    return f"×{_NARROW}{ten_to(exponent)}"
 
 
 def significant(value: float | None, digits: int = 3) -> str:

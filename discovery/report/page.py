@@ -11,31 +11,28 @@ from typing import TYPE_CHECKING, Any
 
 from discovery.foundation.arguments import as_path
 from discovery.foundation.io import atomic_write
-from discovery.report import ambiguity, answer, convergence, evidence, latent, measures, noise, posterior, story
-from discovery.report.charts import chart_data
-from discovery.report.drive import drive_words
-from discovery.report.equations import model_formulas
-from discovery.report.estimates import (
-    elastica_table,
-    final_table,
-    nuisance_table,
-    posterior_table,
-    published,
-    symbol_of,
+from discovery.report import ambiguity, answer, evidence, latent, measures, noise, posterior, story
+from discovery.report.caution_sentences import failure_sentence, remedy_sentence
+from discovery.report.charts import chart_data, policy, scripts, sheet
+from discovery.report.equations import (
+    drive_words,
+    found_terms,
+    model_formulas,
+    regression_equation,
+    standing,
+    three_terms,
 )
-from discovery.report.failed import failed_context, failed_pictures
-from discovery.report.figures import draw_all
+from discovery.report.estimates import elastica_table, final_table, nuisance_table, posterior_table, published
+from discovery.report.figures import draw_all, motion
 from discovery.report.latex import latex
 from discovery.report.model_error_sentences import model_error_words
-from discovery.report.numbers import interval, significant, uncertain, unit_text
+from discovery.report.numbers import interval, significant
 from discovery.report.references import methods_used, sources_table
-from discovery.report.regression import found_terms, regression_equation, standing, three_terms
 from discovery.report.results import Run, read_run
-from discovery.report.scripts import policy, scripts, sheet
-from discovery.report.sentences import effect_sentence, lead_sentence, refutations, verdict_sentence
+from discovery.report.sentences import lead_sentence, refutations, verdict_sentence
 from discovery.report.style import Picture, render, styled
 from discovery.report.tables import Table
-from discovery.report.words import clause, effect_name, effect_title, headline, listed, origin, page_prose, sentence
+from discovery.report.words import clause, headline, origin, page_prose, sentence
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -75,8 +72,9 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     run = read_run(as_path(run_dir, "run_dir", "Give the folder of a finished run."))
     if run.loop.get("failure"):
         with styled():
-            shown = {"data": [embed(run.folder, picture) for picture in failed_pictures(run)]}
-        html = environment().get_template("failed.html.j2").render(**failed_context(run), figures=shown)
+            drawn = motion.draw(run)
+            shown = {"data": [] if drawn is None else [embed(run.folder, drawn)]}
+        html = environment().get_template("failed.html.j2").render(_failed_context(run), figures=shown)
         return _page(run.folder, html)
     tables = _tables(run)
     figures: dict[str, list[dict[str, Any]]] = {}
@@ -154,7 +152,7 @@ def _tables(run: Run) -> dict[str, Table]:
         posterior.profiles_table(run),
         posterior.priors_table(run),
         posterior.coverage_table(run),
-        convergence.diagnostics_table(run),
+        posterior.diagnostics_table(run),
         noise.noise_table(run),
         posterior.models_table(run),
         elastica_table(run) if r.get("elastica") and r["elastica"]["comparison"] else None,
@@ -173,26 +171,6 @@ def _tables(run: Run) -> dict[str, Table]:
         sources_table(run),
     ]
     return {table.name: table for table in made if table is not None}
-
-
-def added_effects(run: Run) -> list[dict[str, Any]]:
-    """Return what the loop added, each with its parameters, its odds and its rivals in words."""
-    found = []
-    for e in run.loop["effects"]:
-        values = [
-            (symbol_of(name), f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
-            for name, p in e["parameters"].items()
-        ]
-        found.append(
-            {
-                "name": effect_name(e["id"]),
-                "title": effect_title(e["id"]),
-                "parameters": values,
-                "odds": effect_sentence(e),
-                "rivals": listed(effect_name(r) for r in e["ambiguous_with"]),
-            }
-        )
-    return found
 
 
 def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -235,7 +213,7 @@ def _first_screen(run: Run) -> dict[str, Any]:
         "refutations": refutations(run.loop),
         "model_error": model_error_words(run.told),
         "lead": lead_sentence(run.loop["lead"]) if run.loop.get("lead") else "",
-        "added": added_effects(run),
+        "added": answer.added_effects(run),
         "quantities": measures.quantities(run),
         "notes": [(r["name"], n) for r in run.results["recordings"] for n in r.get("notes", ())],
     }
@@ -278,7 +256,7 @@ def _posterior_part(run: Run) -> dict[str, Any]:
         "whole": run.is_whole,
         "noise_differs": noise.noise_differs(run),
         "noise": noise.noise_sentence(run),
-        "converged": convergence.convergence_sentence(run),
+        "converged": posterior.convergence_sentence(run),
         "leans": posterior.prior_sentence(run),
         "correlated": posterior.correlation_sentences(run),
     }
@@ -290,4 +268,23 @@ def _loop_part(run: Run) -> dict[str, Any]:
         "steps": story.steps(run),
         **ambiguity.told(run),
         "unexplained": latent.sentences(run),
+    }
+
+
+def _failed_context(run: Run) -> dict[str, Any]:
+    """Return what the template of the page asks for where the declared model has no fit, but for its pictures."""
+    failure = run.loop["failure"]
+    formulas = model_formulas(run.loop["model"]["before"]["model"], run.results["rig"]["kind"])
+    return {
+        "policy": policy(chart=False),
+        "scripts": scripts(chart=False),
+        "name": run.results["rig"]["name"],
+        "origin": origin(run),
+        "why": failure_sentence(failure),
+        "remedy": remedy_sentence(failure),
+        "message": failure["message"],
+        "declared_formulas": [f.shown for f in formulas],
+        "recordings": measures.recordings_table(run).html(),
+        "notes": [(r["name"], n) for r in run.results["recordings"] for n in r.get("notes", ())],
+        "provenance": run.results["provenance"],
     }

@@ -1,12 +1,18 @@
-"""Tables and sentences of the posterior: its priors, what its parameters share, how well it predicts, its rivals."""
+"""Tables and sentences of the posterior: convergence, priors, what parameters share, predictions, rivals."""
 
 from __future__ import annotations
 
-from discovery.report.estimates import prior_words, symbol_of
+from discovery.report.estimates import prior_words, start_words, symbol_of
 from discovery.report.numbers import MISSING, fixed, interval, near_one, scale_for, significant
 from discovery.report.results import Run
 from discovery.report.tables import Cell, Table
 from discovery.report.words import effect_name, error_scale, listed, prose
+
+#: Diagnostics in words, and digits of those that need others.
+_WORDS = {"r_hat": "R-hat", "ess": "samples", "ess_tail": "samples of the tails", "mcse": "error of the mean"}
+_DIGITS = {"r_hat": 5, "mcse": 2}
+#: R-hat up to which ensembles agree (Vehtari et al., Bayesian Analysis 16 (2021) 667).
+_AGREE = 1.01
 
 
 def is_as_asked(run: Run) -> bool:
@@ -64,7 +70,7 @@ def priors_table(run: Run) -> Table | None:
         "Then the draws reweighted to priors that are all half and twice as wide: how far the mean moves, in posterior "
         "standard deviations, and how the standard deviation changes. Leans: either by more than 0.2."
     )
-    return Table("priors", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
+    return Table("priors", caption, head, cells, keys, raw, text=(0, 1))
 
 
 def prior_sentence(run: Run) -> str:
@@ -90,14 +96,12 @@ def profiles_table(run: Run) -> Table | None:
         ends = [interval(*p["interval"]) if None not in p["interval"] else _open(p["interval"])]
         cells.append([symbol_of(p["name"]), *ends, interval(r["q05"], r["q95"])])
         raw.append([p["name"], *p["interval"], r["q05"], r["q95"]])
-    return Table(
-        "profiles",
-        "90 % intervals of the profile likelihood, errors of the readings taken as independent, and of the posterior.",
-        ("", "profile likelihood", "posterior"),
-        cells,
-        ("name", "profile_low", "profile_high", "q05", "q95"),
-        raw,
+    head = ("", "profile likelihood", "posterior")
+    keys = ("name", "profile_low", "profile_high", "q05", "q95")
+    caption = (
+        "90 % intervals of the profile likelihood, errors of the readings taken as independent, and of the posterior."
     )
+    return Table("profiles", caption, head, cells, keys, raw)
 
 
 def _open(ends: list[float | None]) -> str:
@@ -122,19 +126,18 @@ def coverage_table(run: Run) -> Table | None:
     rows = run.posterior.get("coverage")
     if not rows:
         return None
-    cells, raw = [], []
+    cells = []
     keys = ("recording", "part", "channel", "readings", "share", "width", "unit")
     for r in rows:
         width = scale_for(r["unit"], r["width"]).quantity(r["width"])
         name = r["channel"].replace("_", " ")
         cells.append([r["recording"], r["part"], name, f"{r['readings']}", f"{100 * r['share']:.1f} %", width])
-        raw.append([r[k] for k in keys])
     head = ("recording", "part", "channel", "readings", "in the 90 % band", "width of the band")
     caption = (
         "Coverage: readings within the 90 % band of the posterior’s free-run predictions, noise included; about 90 % "
         "where model and noise are right. Of what is held out only the initial state was fitted."
     )
-    return Table("coverage", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1, 2))
+    return Table("coverage", caption, head, cells, keys, rows, text=(0, 1, 2))
 
 
 def models_table(run: Run) -> Table | None:
@@ -142,7 +145,7 @@ def models_table(run: Run) -> Table | None:
     found = run.results.get("evidence")
     if not found:
         return None
-    scale = error_scale(run)
+    scale = error_scale(run.loop["errors"])
     cells: list[list[Cell]] = []
     keys = ("name", "noise", "behind", "error", "pareto_k", "free", "held_out")
     for m in found["models"]:
@@ -168,5 +171,64 @@ def models_table(run: Run) -> Table | None:
             " Beside it their free-run errors on what was held out, smaller is better; held out, "
             f"{effect_name(found['held_out_prefers'])} is best."
         )
-    raw = [[m[k] for k in keys] for m in found["models"]]
-    return Table("model_evidence", caption, header=head, rows=cells, raw_header=keys, raw_rows=raw, text=(0, 1))
+    return Table("model_evidence", caption, head, cells, keys, found["models"], text=(0, 1))
+
+
+def convergence_sentence(run: Run) -> str:
+    """Return whether the sampler converged and by what numbers; empty without a posterior."""
+    from discovery.posterior.diagnostics import LENGTH_IN_TAU
+    from discovery.posterior.independence import LARGEST_K
+
+    rows = run.posterior.get("rows")
+    if not rows:
+        return ""
+    worst, fewest = max(rows, key=lambda r: r["r_hat"]), min(rows, key=lambda r: r["ess"])
+    good = worst["r_hat"] <= _AGREE
+    told = [
+        f"the worst R-hat is {significant(worst['r_hat'], 5)} ({_called(worst['name'])}; limit {_AGREE})",
+        f"the fewest effective samples are {significant(fewest['ess'], 3)} ({_called(fewest['name'])})",
+    ]
+    sampling = run.sampling
+    if sampling:
+        tau, steps = max(sampling["tau"].values()), sampling["steps"] - sampling["burn_in"]
+        good = good and steps >= LENGTH_IN_TAU * tau
+        ensembles = len(next(iter(run.draws.values())))
+        made = f"{ensembles} independent ensembles of {sampling['walkers']} walkers each"
+        if sampling.get("method") == "independence":
+            k = f"Pareto k of their weights {significant(sampling['pareto_k'], 2)} (limit {LARGEST_K:g})"
+            made = f"{ensembles} independent chains by Metropolis’s rule from draws around the fit, {k}"
+        told.insert(0, made)
+        told.append(
+            f"{steps} steps after burn-in are {significant(steps / tau, 2)} times the longest autocorrelation time, "
+            f"{significant(tau)} steps (limit {LENGTH_IN_TAU} times)"
+        )
+        moves = [f"{effect_name(move)} {100 * share:.0f} %" for move, share in sampling["acceptance"].items()]
+        told.append(f"accepted proposals by move: {listed(moves)}")
+    return f"{'Yes' if good else 'Not yet'}: {'; '.join(told)}."
+
+
+def _called(name: str) -> str:
+    return start_words(name) if "[" in name else prose(name)
+
+
+def diagnostics_table(run: Run) -> Table | None:
+    """Return R-hat, effective samples, Monte Carlo errors and autocorrelation times of what was sampled."""
+    rows = run.quantities_sampled
+    keys = [k for k in _WORDS if any(k in r for r in rows)]
+    if not keys:
+        return None
+    tau = (run.posterior.get("autocorrelation") or {}).get("tau") or run.sampling.get("tau", {})
+    cells, raw = [], []
+    for r in rows:
+        name = r["name"]
+        times = [significant(tau.get(name))] if tau else []
+        shown = start_words(name) if "[" in name else symbol_of(name)
+        cells.append([shown, *(significant(r.get(k), _DIGITS.get(k, 4)) for k in keys), *times])
+        raw.append([name, *(r.get(k) for k in keys), *([tau.get(name)] if tau else [])])
+    head = ("", *(_WORDS[k] for k in keys), *(["τ [steps]"] if tau else []))
+    caption = (
+        "How well the draws fix the posterior. R-hat: between independent ensembles. Samples: effective number, of the "
+        "bulk and of the 5 and 95 % quantiles. Error of the mean: Monte Carlo standard error, in the unit of the "
+        "parameter. τ: autocorrelation time."
+    )
+    return Table("diagnostics", caption, head, cells, ("name", *keys, *(["tau"] if tau else [])), raw)

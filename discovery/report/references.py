@@ -4,46 +4,33 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
 from markupsafe import Markup
 
-from discovery.declarations.registry import catalogue, get_effect
-from discovery.report.declared_formulas import placed_formula
-from discovery.report.effect_formulas import effect_formula
+from discovery.declarations.registry import get_effect
+from discovery.report.effect_formulas import effect_formula, placed_formula
 from discovery.report.latex import latex
 from discovery.report.mathml import inline
 from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table
-from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title
+from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title, in_catalogue
 
 
-@dataclass(frozen=True)
-class EffectSource:
-    """One effect of the declared or the final model, with its formula and where the law comes from."""
-
-    name: str
-    role: str
-    title: str
-    formula: Markup
-    cite: str
-
-
-def effects_used(run: Run) -> list[EffectSource]:
-    """Return the declared effects, then those that the loop added."""
+def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
+    """Return name, role, title, formula and source of the declared effects, then of those that the loop added."""
     found = []
     system = run.results["rig"]["kind"]
     added = [e["id"] for e in run.loop["effects"]]
     for role, effects in (("declared", run.loop["declared"]), ("added", added)):
         for effect_id in effects:
-            known = get_effect(effect_id) if effect_id.partition("_at_")[0] in catalogue() else None
+            known = get_effect(effect_id) if in_catalogue(effect_id) else None
             law = "" if known is None else placed_formula(known) if known.place else effect_formula(known, system)
             body = Markup(inline(law)) if law else Markup("")
             cite = _named(known.cite if known else GEOMETRY_SOURCES.get(effect_id, ""), run)
-            found.append(EffectSource(effect_name(effect_id), role, effect_title(effect_id), body, cite))
+            found.append((effect_name(effect_id), role, effect_title(effect_id), body, cite))
     return found
 
 
@@ -57,18 +44,14 @@ def _named(cite: str, run: Run) -> str:
 
 def sources_table(run: Run) -> Table:
     """Return the effects of the final model with their formulas and sources."""
-    used = effects_used(run)
-    cells = [[e.name + (" (added)" if e.role == "added" else ""), e.title, e.formula, e.cite] for e in used]
-    raw = [[e.name, e.role, e.title, latex(str(e.formula)) if e.formula else "", e.cite] for e in used]
-    return Table(
-        "sources",
-        "Effects of the declared model, and those that were added.",
-        header=("effect", "what it is", "formula", "source"),
-        rows=cells,
-        raw_header=("effect", "role", "what_it_is", "formula_latex", "source"),
-        raw_rows=raw,
-        text=(0, 1, 2, 3),
-    )
+    cells, raw = [], []
+    for name, role, title, law, cite in _effects_used(run):
+        cells.append([name + (" (added)" if role == "added" else ""), title, law, cite])
+        raw.append([name, role, title, latex(str(law)) if law else "", cite])
+    head = ("effect", "what it is", "formula", "source")
+    keys = ("effect", "role", "what_it_is", "formula_latex", "source")
+    caption = "Effects of the declared model, and those that were added."
+    return Table("sources", caption, head, cells, keys, raw, text=(0, 1, 2, 3))
 
 
 def methods_used(run: Run) -> list[Mapping[str, str]]:

@@ -35,26 +35,12 @@ _FARTHEST = 10.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One recording with what each model says about it.
+    """One recording with what each model says about it: n samples of c channels.
 
-    Parameters
-    ----------
-    name, role : str
-        Of the recording; "train" or "holdout".
-    time : ndarray, shape (n,)
-        [s].
-    channels, units : tuple of str
-        As recorded.
-    measured : ndarray, shape (n, c)
-        NaN in gaps.
-    models : mapping of str to ndarray, shape (n, c)
-        By name, of those in `MODELS` that are there.
-    input, deflection : ndarray, shape (n,), or None
-        Motor angle [rad] or input of an oscillator; deflection [rad] or the output.
-    fitted : ndarray of bool, shape (n,)
-        Samples that were fitted.
-    band : ndarray, shape (3, n, c), or None
-        5, 50 and 95 % of the declared model's predictive distribution.
+    `role` is "train" or "holdout", `time` [s]; `measured` (n, c) is NaN in gaps, and `models` has predictions (n, c) by
+    name, of those in `MODELS` that are there. `input` (n,) is the motor angle [rad] or an oscillator's input,
+    `deflection` (n,) in rad or the output, `fitted` (n,) says which samples were fitted, and `band` (3, n, c) are 5, 50
+    and 95 % of the declared model's predictive distribution.
     """
 
     name: str
@@ -265,10 +251,7 @@ def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory
 def read_run(folder: Path) -> Run:
     """Read the result files of a run.
 
-    Raises
-    ------
-    InputError
-        If ``results.json`` is missing or is not what a run writes, or other files are not those of its run.
+    InputError if ``results.json`` is missing or is not what a run writes, or other files are not those of its run.
     """
     path = Path(folder) / "results.json"
     try:

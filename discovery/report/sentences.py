@@ -11,7 +11,7 @@ from typing import Any
 
 from discovery.declarations.registry import effect_name
 from discovery.estimation.importance import LARGEST_K
-from discovery.report.failure_sentences import failure_sentence
+from discovery.report.caution_sentences import failure_sentence
 from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
 from discovery.report.numbers import listed, plain, sizes
 

@@ -1,8 +1,9 @@
-"""The look of the figures: one palette and line style a model, sizes that stay legible on a narrow screen."""
+"""The look of the figures: a palette and line style a model, sizes that stay legible, files as light as they can be."""
 
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +15,6 @@ import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 from discovery.report.mathml import GREEK
-from discovery.report.slim import slim_png, slim_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,11 +24,15 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, GREY = "#CC79A7", "#56B4E9", "#4D4D4D"
+#: A limit, a level or a size beside what is drawn.
+MARK: dict[str, Any] = {"color": GREY, "linestyle": (0, (5, 2)), "linewidth": 1.0}
+#: Dashes of lines that lie on others.
+DASHED, DOTTED = (0, (4, 1.6)), (0, (1, 1.2))
 #: Every model looks the same in every figure: colour, dashes and width all differ.
 LINES: dict[str, dict[str, Any]] = {
     "measured": {"color": "black", "linestyle": "none", "marker": ".", "markersize": 2.5, "label": "measured"},
-    "linear": {"color": ORANGE, "linestyle": (0, (1, 1.2)), "linewidth": 1.3, "label": "linear model"},
-    "before": {"color": RED, "linestyle": (0, (4, 1.6)), "linewidth": 1.2, "label": "before: declared model"},
+    "linear": {"color": ORANGE, "linestyle": DOTTED, "linewidth": 1.3, "label": "linear model"},
+    "before": {"color": RED, "linestyle": DASHED, "linewidth": 1.2, "label": "before: declared model"},
     "after": {"color": BLUE, "linestyle": "-", "linewidth": 1.0, "label": "after: final model"},
 }
 #: Measured points that a panel shows.
@@ -69,6 +73,15 @@ _STYLE: Any = {
     "xtick.color": GREY,
     "ytick.color": GREY,
 }
+#: Colours of a picture of lines and text, their blends with the paper included.
+_COLOURS = 40
+_PATH = re.compile(r' d="([^"]+)"')
+_STEP = re.compile(r"([MLQCz])([^MLQCz]*)")
+#: Units of a path in a point: a tenth of a point is finer than a line is wide.
+_GRAIN = 10
+_PLACE = re.compile(r'( [xy]="-?\d+\.\d)\d+"')
+#: Letters of a path that is a curve, not a marker or a frame.
+_CURVE = 120
 
 
 @dataclass(frozen=True)
@@ -177,3 +190,43 @@ def quantity_label(name: str, unit: str = "") -> str:
     head, _, tail = symbol.partition("_")
     text = GREEK.get(head, head) + (f"$_{{\\mathrm{{{GREEK.get(tail, tail)}}}}}$" if tail else "")
     return label(f"{text} {part.rstrip(']').replace('_', ' ')}".strip(), unit)
+
+
+def slim_svg(text: str) -> str:
+    """Return a drawing of matplotlib with its curves as steps in tenths of a point; small shapes, as markers, stay."""
+    drawn = _PATH.sub(lambda m: f' d="{_steps(m[1])}"' if len(m[1]) > _CURVE else m[0], text)
+    return _PLACE.sub(r'\1"', drawn)
+
+
+def slim_png(content: bytes) -> bytes:
+    """Return a picture of lines and text with a palette, which a plot needs no more than."""
+    from PIL import Image
+
+    picture = Image.open(io.BytesIO(content)).convert("RGB")
+    small = picture.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    buffer = io.BytesIO()
+    small.save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def _steps(path: str) -> str:
+    """Return a path of lines with each point as its distance from the last one; other paths unchanged."""
+    at = (0, 0)
+    written = []
+    for command, numbers in _STEP.findall(path):
+        if command in "QC":
+            return path
+        if command == "z":
+            written.append("z")
+            continue
+        x, y = (round(_GRAIN * float(v)) for v in numbers.split())
+        if command == "M":
+            written.append(f"M{_plain(x)} {_plain(y)}")
+        elif (x, y) != at:
+            written.append(f"l{_plain(x - at[0])} {_plain(y - at[1])}")
+        at = (x, y)
+    return "".join(written)
+
+
+def _plain(tenths: int) -> str:
+    return f"{tenths / _GRAIN:.1f}".removesuffix(".0")

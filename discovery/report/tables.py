@@ -5,14 +5,13 @@ from __future__ import annotations
 import base64
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from markupsafe import Markup, escape
 
-from discovery.report.formula import formula
-from discovery.report.mathml import inline, symbol
+from discovery.report.mathml import formula, inline, symbol
 
 #: Cells of a page are text or ready markup; those of a CSV file plain values.
 Cell = str | Markup
@@ -23,27 +22,13 @@ _HEAD = 'th scope="col"'
 
 @dataclass(frozen=True)
 class Table:
-    """One table of the page and its CSV file.
+    """One table of the page, and its CSV file with the stem `name`.
 
-    Parameters
-    ----------
-    name : str
-        Stem of the CSV file.
-    caption : str
-        What it holds, units and intervals included.
-    header : tuple of str or Markup
-        Column heads of the page.
-    rows : sequence of sequence of str or Markup
-        Rounded cells.
-    raw_header : tuple of str
-        Column names of the CSV file.
-    raw_rows : sequence of sequence
-        The same numbers unrounded, as the result file has them.
-    text : tuple of int
-        Columns of words, set to the left; the others hold numbers.
-    narrow : tuple of int
-        All columns in the order in which a narrow screen shows them, each row a paragraph; empty for a table that
-        scrolls there.
+    The `caption` says what it holds, units and intervals included. `header` and `rows` are of the page, rounded;
+    `raw_header` and `raw_rows` of the CSV file, as the result file has them, or its very records, of which the columns
+    of the header are taken. Columns of words, `text`, are set to the left, the others hold numbers. `narrow` are all
+    columns in the order in which a narrow screen shows them, each row a paragraph; empty for a table that scrolls
+    there.
     """
 
     name: str
@@ -51,7 +36,7 @@ class Table:
     header: tuple[Cell, ...]
     rows: Sequence[Sequence[Cell]]
     raw_header: tuple[str, ...]
-    raw_rows: Sequence[Sequence[Any]]
+    raw_rows: Sequence[Sequence[Any] | Mapping[str, Any]]
     text: tuple[int, ...] = field(default=(0,))
     narrow: tuple[int, ...] = ()
 
@@ -102,7 +87,9 @@ class Table:
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(self.raw_header)
-        writer.writerows(["" if v is None else v for v in row] for row in self.raw_rows)
+        for row in self.raw_rows:
+            values = [row.get(key) for key in self.raw_header] if isinstance(row, Mapping) else row
+            writer.writerow(["" if v is None else v for v in values])
         return buffer.getvalue()
 
 

@@ -9,35 +9,16 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from discovery.declarations.effect import first_sentence
-from discovery.declarations.registry import catalogue, effect_name, get_effect
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.registry import effect_name as effect_name
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.mathml import GREEK
-from discovery.report.numbers import Scale, listed, power_of_ten, scale_for_change, uncertain, unit_text
+from discovery.report.numbers import Scale, power_of_ten, scale_for_change, uncertain, unit_text
+from discovery.report.numbers import listed as listed
 from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
 from discovery.results.judging import held_group
-
-__all__ = [
-    "FITS",
-    "GEOMETRY_SOURCES",
-    "LAWS",
-    "MASSES",
-    "clause",
-    "compared_groups",
-    "deflection_unit",
-    "effect_name",
-    "effect_title",
-    "error_groups",
-    "error_scale",
-    "headline",
-    "listed",
-    "origin",
-    "page_prose",
-    "prose",
-    "sentence",
-    "values_text",
-]
 
 #: Where the steps of the mechanics come from, which are no entries of the catalogue.
 GEOMETRY_SOURCES = {name: step.cite for name, step in UPGRADES.items()}
@@ -76,14 +57,14 @@ _SYMBOL = re.compile(r"(?<![\w./-])([^\W\d_])_(\w+)\b(?!\.\w)")
 _TENS = re.compile(r"(?<=[\d)])e([+-]?\d+)\b")
 
 
-def _listed(effect_id: str) -> bool:
+def in_catalogue(effect_id: str) -> bool:
     """Return whether a word is the id of an effect of the catalogue, at a place or without one."""
     return effect_id.partition("_at_")[0] in catalogue()
 
 
 def prose(text: str) -> str:
     """Return a sentence of a result file with its symbols, effects and numbers as a reader writes them."""
-    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or _listed(m[0]) else m[0], text)
+    text = _ID.sub(lambda m: effect_name(m[0]) if m[0] in UPGRADES or in_catalogue(m[0]) else m[0], text)
     text = _LONG.sub(lambda m: f"{int(m[0]):,}".replace(",", "\N{NARROW NO-BREAK SPACE}"), text)
     text = _TENS.sub(lambda m: f"\N{NARROW NO-BREAK SPACE}{power_of_ten(int(m[1]))}", text)
     for pattern, written in _WRITTEN:
@@ -126,7 +107,7 @@ def effect_title(effect_id: str) -> str:
         return UPGRADES[effect_id].title()
     if effect_id in base_names():
         return first_sentence(type(get_base(effect_id)))
-    return get_effect(effect_id).title() if _listed(effect_id) else effect_name(effect_id)
+    return get_effect(effect_id).title() if in_catalogue(effect_id) else effect_name(effect_id)
 
 
 def deflection_unit(run: Run) -> str:
@@ -166,9 +147,8 @@ def compared_groups(run: Run) -> dict[str, str]:
     return {group: name for group, name in names.items() if group != "holdout" or "holdout_inside" not in names}
 
 
-def error_scale(run: Run) -> Scale:
-    """Return the unit in which the run's errors are printed."""
-    errors = run.loop["errors"]
+def error_scale(errors: Mapping[str, Any]) -> Scale:
+    """Return the unit in which the errors of a loop are printed."""
     group = held_group(errors)
     return scale_for_change(errors["unit"], *(errors[when][group]["rms"] for when in ("before", "after")))
 
@@ -194,8 +174,8 @@ def headline(run: Run) -> str:
 
 def _errors_in_words(run: Run) -> tuple[str, str, str]:
     """Return the error that is left, the noise floor, and how the error changed."""
-    errors, scale = run.loop["errors"], error_scale(run)
-    group = held_group(errors)
+    errors = run.loop["errors"]
+    group, scale = held_group(errors), error_scale(errors)
     before, after = (scale.text(errors[k][group]["rms"]) for k in ("before", "after"))
     floor = scale.quantity(errors["noise_floor"])
     seen = {

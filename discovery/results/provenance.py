@@ -88,12 +88,7 @@ def plain(value: Any) -> Any:
 def read_json(path: Path) -> Any:
     """Return the content of a file from `write_json`, infinite numbers included.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    InputError
-        If it cannot be read, or is not JSON.
+    FileNotFoundError if there is no such file; InputError if it cannot be read, or is not JSON.
     """
     try:
         return restored(json.loads(path.read_text(encoding="utf-8")))

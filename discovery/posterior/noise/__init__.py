@@ -13,24 +13,14 @@ from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError, suggestion
 from discovery.posterior.noise.correlated import Correlated
 from discovery.posterior.noise.input_noise import InputNoise
-from discovery.posterior.noise.model import Noise, NoiseParameter
+from discovery.posterior.noise.model import Noise as Noise
+from discovery.posterior.noise.model import NoiseParameter as NoiseParameter
 from discovery.posterior.noise.quantised import Quantised
 from discovery.posterior.noise.student_t import StudentT
 
 if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
     from discovery.posterior.instrument import Instrument
-
-__all__ = [
-    "GAUSSIAN",
-    "NOISE_MODELS",
-    "Noise",
-    "NoiseParameter",
-    "applicable",
-    "is_independent",
-    "noise_of",
-    "words_of",
-]
 
 #: Independent Gaussian errors, whose likelihood needs chi-square alone.
 GAUSSIAN = "gaussian"

@@ -27,12 +27,8 @@ class Correlated(Noise):
     """Gaussian errors of standard deviation sigma: white, but for a share with correlation exp(-|t - t'|/tau_n).
 
     The channels are independent of each other. It is the process of Ornstein and Uhlenbeck, or a real term of D.
-    Foreman-Mackey et al., Astronomical Journal 154 (2017) 220.
-
-    Parameters
-    ----------
-    readings : dict of int to (ndarray (n,), ndarray of bool (n, c))
-        Times [s], and which readings count, by experiment.
+    Foreman-Mackey et al., Astronomical Journal 154 (2017) 220. `readings` has times [s] (n,) and which readings count
+    (n, c), by experiment.
     """
 
     name: ClassVar[str] = "correlated"

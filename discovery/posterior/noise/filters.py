@@ -198,23 +198,10 @@ def exponential(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Filter residuals of unit variance, a share of which is exponentially correlated (Ornstein and Uhlenbeck).
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        [s].
-    seen : ndarray of bool, shape (n, c)
-        False in gaps.
-    residual : ndarray, shape (n, c, k)
-        Channels are independent of each other.
-    share, tau : ndarray, shape (k,)
-        Share of the variance [-] and correlation time [s].
-
-    Returns
-    -------
-    square, log_variance : ndarray, shape (k,)
-        Sums of the squared innovations over their variances and of the logarithms of these variances.
-    innovation : ndarray, shape (n, c, k)
-        White and of unit variance, zero in gaps; empty unless `keep` asks for them.
+    Times (n,) [s], which readings were seen (n, c), and residuals (n, c, k), whose channels are independent of each
+    other; share of the variance and correlation time [s], both (k,). Returned are the sums of the squared innovations
+    over their variances and of the logarithms of these variances, both (k,), and the innovations (n, c, k), white and
+    of unit variance, zero in gaps; empty unless `keep` asks for them.
     """
     k = residual.shape[2]
     block, (a, t) = padded(residual, share, tau)

@@ -30,14 +30,9 @@ class InputNoise(Noise):
     parameters themselves. All channels see the same error of the coordinate; sigma is the standard deviation of a
     reading with both parts, on average over the recording.
 
-    Parameters
-    ----------
-    readings : dict of int to (ndarray (n,), ndarray of bool (n, c), ndarray (n, c))
-        Times [s], which readings count, and their slope against the coordinate over its rms, by experiment.
-    alpha, xi : int or float
-        Where they are among the free numbers, or their value [1/s^2], [1/s].
-    slowest : float
-        Smallest angular frequency [rad/s].
+    `readings` has, by experiment, times [s] (n,), which readings count (n, c), and their slope against the coordinate
+    over its rms (n, c). `alpha` [1/s^2] and `xi` [1/s] are places among the free numbers, as integers, or values;
+    `slowest` is the smallest angular frequency [rad/s].
     """
 
     name: ClassVar[str] = "input"

@@ -38,18 +38,10 @@ class Logistic:
 
 @dataclass(frozen=True)
 class NoiseParameter:
-    """A parameter of a noise model beside its size.
+    """A parameter of a noise model beside its size, sampled on a scale without bounds.
 
-    Parameters
-    ----------
-    name, unit, meaning : str
-        Of the value.
-    prior : Prior
-        Of the sampled coordinate.
-    starts : tuple of float
-        Coordinates from which an estimate starts.
-    value : callable
-        Value of a coordinate: it is sampled on a scale without bounds.
+    `prior` is that of the sampled coordinate, `starts` are coordinates from which an estimate starts, and `value` makes
+    values of coordinates; name, unit and meaning are of the value.
     """
 
     name: str
@@ -67,16 +59,9 @@ def share_of(log_odds: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True)
 class Noise(ABC):
-    """The noise of one instrument.
+    """The noise of one instrument, `part`.
 
     Its parameters are the logarithm of the size over the stated noise, then `parameters`, all on scales without bounds.
-
-    Parameters
-    ----------
-    part : Instrument
-        Whose noise it is.
-    parameters : tuple of NoiseParameter
-        Parameters beside the size.
     """
 
     #: What it is called, what it takes errors as in words, and what its size is.
@@ -99,14 +84,8 @@ class Noise(ABC):
     def log_likelihood(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
         """Return the log density (k,) of the readings of experiment i, in units of the stated noise.
 
-        Parameters
-        ----------
-        residual : ndarray, shape (n, c, k)
-            (prediction - measurement) / stated noise, zero in gaps.
-        x : ndarray, shape (p, k)
-            Free numbers of the problem.
-        noise : ndarray, shape (1 + m, k)
-            Parameters of the noise.
+        The residual (n, c, k) is (prediction - measurement) / stated noise, zero in gaps; x (p, k) are the free numbers
+        of the problem, and noise (1 + m, k) the parameters of the noise.
         """
 
     @abstractmethod

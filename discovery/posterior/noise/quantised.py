@@ -23,12 +23,8 @@ class Quantised(Noise):
     """Gaussian white errors of standard deviation sigma before the readings were rounded.
 
     The probability of the cell in place of the density of its middle (A. Gelman et al., Bayesian Data Analysis, section
-    3.5), over the size of the cell, so that evidences compare.
-
-    Parameters
-    ----------
-    cells : dict of int to (ndarray of bool (n, c), ndarray (c,))
-        Which readings count, and half a step of each channel in stated noises, by experiment.
+    3.5), over the size of the cell, so that evidences compare. `cells` says, by experiment, which readings count (n,
+    c), and half a step of each channel in stated noises (c,).
     """
 
     name: ClassVar[str] = "quantised"

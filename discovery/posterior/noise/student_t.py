@@ -23,12 +23,8 @@ if TYPE_CHECKING:
 class StudentT(Noise):
     """Independent errors that follow Student's t with nu degrees of freedom; sigma is its scale.
 
-    K. Lange, R. Little, J. Taylor, Journal of the American Statistical Association 84 (1989) 881.
-
-    Parameters
-    ----------
-    counts : dict of int to int
-        Number of readings by experiment.
+    K. Lange, R. Little, J. Taylor, Journal of the American Statistical Association 84 (1989) 881. `counts` are readings
+    by experiment.
     """
 
     name: ClassVar[str] = "student_t"

@@ -31,8 +31,6 @@ from discovery.report.figures import (
 from discovery.report.results import Run
 from discovery.report.style import Picture, styled
 
-__all__ = ["SECTIONS", "draw_all"]
-
 Draw = Callable[[Run], Picture | list[Picture] | None]
 #: Which figures a section of the page shows.
 SECTIONS: dict[str, tuple[Draw, ...]] = {

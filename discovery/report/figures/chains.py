@@ -9,7 +9,7 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray
 from discovery.report.numbers import significant, unit_text
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, Picture, new_figure, quantity_label
+from discovery.report.style import BLUE, DASHED, GREEN, GREY, ORANGE, PURPLE, Picture, new_figure, quantity_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ def draw(run: Run) -> Picture | None:
         for e, function in enumerate(found["functions"][name]):
             memory.plot(lags, function, ".-", color=_COLOURS[e % len(_COLOURS)], linewidth=0.8, markersize=3)
         tau = found["tau"][name]
-        memory.axvline(tau, color=GREY, linestyle=(0, (4, 1.6)), linewidth=1.0)
+        memory.axvline(tau, color=GREY, linestyle=DASHED, linewidth=1.0)
         memory.set_title(f"τ = {significant(tau)} steps", fontsize=8.5, color=GREY)
         trace.set_ylabel(quantity_label(name, unit_text(r["unit"], run.coordinate_unit)))
         trace.locator_params(axis="y", nbins=3)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from discovery.report.numbers import unit_text
+from discovery.report.numbers import ten_to, unit_text
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, quantity_label
+from discovery.report.style import BLUE, DASHED, GREY, ORANGE, Picture, new_figure, quantity_label
 from discovery.report.words import prose
 
 _MOST = 8
@@ -20,7 +20,6 @@ _DRAWS = 20_000
 _EDGE = 0.1
 #: Powers of ten of values whose numbers are short.
 _SHORT = (-2, 4)
-_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def _tens(values: np.ndarray) -> int:
@@ -74,9 +73,7 @@ def draw(run: Run) -> Picture | None:
     scale = 10.0 ** -np.array(tens)
     units = [unit_text(r["unit"], run.coordinate_unit) for r in shown]
     # A factor at an axis would stand on the panel above it.
-    units = [
-        f"10{str(k).translate(_RAISED)} {unit}".rstrip() if k else unit for k, unit in zip(tens, units, strict=True)
-    ]
+    units = [f"{ten_to(k)} {unit}".rstrip() if k else unit for k, unit in zip(tens, units, strict=True)]
     labels = [quantity_label(r["name"], unit) for r, unit in zip(shown, units, strict=True)]
     figure = new_figure(1.35 * len(shown), 1.35 * len(shown), layout="none")
     _draw_pairs(figure, draws * scale, labels, [r["fit_value"] * k for r, k in zip(shown, scale, strict=True)])
@@ -86,9 +83,7 @@ def draw(run: Run) -> Picture | None:
             axis, prior = figure.axes[i * (len(shown) + 1)], priors[r["name"]]
             height = 0.95 * axis.get_ylim()[1] * np.array(prior["prior_density"])
             range_ = axis.get_xlim()
-            axis.plot(
-                scale[i] * np.array(prior["prior_values"]), height, color=GREY, linestyle=(0, (4, 1.6)), linewidth=1.0
-            )
+            axis.plot(scale[i] * np.array(prior["prior_values"]), height, color=GREY, linestyle=DASHED, linewidth=1.0)
             axis.set_xlim(range_)
     figure.subplots_adjust(left=0.13, bottom=0.14, right=0.99, top=0.985, wspace=0.06, hspace=0.06)
     names = ", ".join(prose(r["name"]) for r in shown)

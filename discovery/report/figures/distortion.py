@@ -6,7 +6,7 @@ import numpy as np
 
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, ORANGE, RED, SKY, Picture, label, new_figure
+from discovery.report.style import BLUE, MARK, ORANGE, RED, SKY, Picture, label, new_figure
 
 _LOOK = {
     "excited": (BLUE, "o", "excited lines"),
@@ -42,7 +42,7 @@ def draw(run: Run) -> Picture | None:
                 rasterized=True,
             )
     if np.isfinite(noise).any():
-        axes.plot(frequency, noise * scale.factor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise")
+        axes.plot(frequency, noise * scale.factor, **MARK, label="noise")
     axes.set_yscale("log")
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel(label("output level, rms of a line", scale.symbol))

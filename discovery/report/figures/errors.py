@@ -8,7 +8,7 @@ from typing import Any
 
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, RED, Picture, label, new_figure, plain_log
+from discovery.report.style import BLUE, MARK, RED, Picture, label, new_figure, plain_log
 from discovery.report.words import compared_groups
 from discovery.results.judging import held_group
 
@@ -29,7 +29,7 @@ def draw(run: Run) -> Picture | None:
             axes, row, [(m[group]["rms"] * scale.factor, m[group]["peak"] * scale.factor) for m in (before, after)]
         )
     floor = errors["noise_floor"] * scale.factor
-    axes.axvline(floor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise floor, held out")
+    axes.axvline(floor, **MARK, label="noise floor, held out")
     axes.set_xscale("log")
     axes.set_xlim(left=0.6 * min(floor, *(m[g]["rms"] * scale.factor for m in (before, after) for g in groups)))
     plain_log(axes.xaxis)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREEN, ORANGE, Picture, new_figure
+from discovery.report.style import BLUE, DASHED, DOTTED, GREEN, ORANGE, Picture, new_figure
 
-_FORCE = {"color": ORANGE, "linestyle": (0, (4, 1.6))}
-_TORQUE = {"color": GREEN, "linestyle": (0, (1, 1.2))}
+_FORCE = {"color": ORANGE, "linestyle": DASHED}
+_TORQUE = {"color": GREEN, "linestyle": DOTTED}
 
 
 def draw(run: Run) -> list[Picture]:

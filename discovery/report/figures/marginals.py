@@ -9,7 +9,7 @@ import numpy as np
 
 from discovery.report.numbers import near_one, unit_text
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, quantity_label
+from discovery.report.style import BLUE, DASHED, DOTTED, GREY, ORANGE, Picture, new_figure, quantity_label
 from discovery.report.words import prose
 
 _BINS = 25
@@ -25,8 +25,8 @@ def _draw_curves(axis: Any, p: Mapping[str, Any], draws: Any) -> None:
     fine = np.linspace(values[0], values[-1], 200)
     root = np.interp(fine, values[known], (np.sign(values - p["best"]) * np.sqrt(statistic))[known])
     axis.plot(fine, np.exp(-0.5 * root**2), color=ORANGE, linewidth=1.4, label="profile likelihood")
-    axis.plot(p["prior_values"], p["prior_density"], color=GREY, linestyle=(0, (4, 1.6)), label="prior")
-    axis.axhline(np.exp(-0.5 * p["cut"]), color="black", linestyle=(0, (1, 1.2)), linewidth=0.9, label="90 % cut")
+    axis.plot(p["prior_values"], p["prior_density"], color=GREY, linestyle=DASHED, label="prior")
+    axis.axhline(np.exp(-0.5 * p["cut"]), color="black", linestyle=DOTTED, linewidth=0.9, label="90 % cut")
 
 
 def draw(run: Run) -> Picture | None:

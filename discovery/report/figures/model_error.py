@@ -7,7 +7,7 @@ import math
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run
 from discovery.report.sentences import verdict_sentence
-from discovery.report.style import BLUE, GREY, RED, Picture, label, new_figure, plain_log
+from discovery.report.style import BLUE, MARK, RED, Picture, label, new_figure, plain_log
 
 _ROWS = {"before": ("declared model", RED), "after": ("final model", BLUE)}
 #: The axis reaches beyond its sizes by these factors.
@@ -35,7 +35,7 @@ def draw(run: Run) -> Picture:
         axes.annotate(words, (value or low, row), (5, 0), textcoords="offset points", va="center", fontsize=8.5,
                       bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0}, zorder=4)  # fmt: skip
     axes.axvspan(low, error["least"] * scale.factor, color="#E8E8E8", zorder=0, label="counts as none")
-    axes.axvline(noise * scale.factor, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise of a reading")
+    axes.axvline(noise * scale.factor, **MARK, label="noise of a reading")
     axes.set_yticks(range(len(_ROWS)), [words for words, _ in _ROWS.values()])
     axes.set_ylim(len(_ROWS) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from discovery.report.style import GREY
+from discovery.report.style import GREY, MARK
 from discovery.selection.settings import LoopSettings
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def nats_axis(axes: Axes, values: Iterable[float | None]) -> None:
         span = high - min(low, 0.0)
         axes.set_xlim(min(low, 0.0) - 0.04 * span * (low < 0), high + 0.08 * span)
     axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.axvline(LoopSettings.nats, color=GREY, linestyle=(0, (5, 2)), linewidth=1.0)
+    axes.axvline(LoopSettings.nats, **MARK)
 
 
 def bar(axes: Axes, row: float, value: float | None, colour: str, *, held: bool = False, height: float = 0.34) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from discovery.report.figures.nats import LOSS, bar, nats_axis
 from discovery.report.results import Run
 from discovery.report.story import Search, fate, named, searches
-from discovery.report.style import BLUE, RED, SKY, Picture, new_figure
+from discovery.report.style import BLUE, MARK, RED, SKY, Picture, new_figure
 from discovery.report.words import effect_name, listed
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _legend(figure: Figure, seen: list[str]) -> None:
     handles: list[Patch | Line2D] = [
         Patch(facecolor="#666666", edgecolor="#666666", label="training"),
         Patch(facecolor="white", edgecolor="#666666", hatch="//////", label="held out"),
-        Line2D([], [], color="#4D4D4D", linestyle=(0, (5, 2)), linewidth=1.0, label="odds of 20 to 1"),
+        Line2D([], [], **MARK, label="odds of 20 to 1"),
     ]
     handles += [Patch(facecolor=colour, label=words) for kind, (colour, words) in _KINDS.items() if kind in seen]
     figure.legend(handles=handles, loc="outside upper left", ncols=3, columnspacing=1.0, handlelength=1.6)

@@ -7,7 +7,7 @@ import numpy as np
 from discovery.report.figures.motion import channel_name
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run
-from discovery.report.style import BLUE, GREY, LINES, RED, Picture, decimate, label, new_figure
+from discovery.report.style import BLUE, GREY, LINES, MARK, RED, Picture, decimate, label, new_figure
 
 
 def draw(run: Run) -> Picture | None:
@@ -48,7 +48,7 @@ def draw_spectrum(run: Run) -> Picture | None:
         frequency, density = (np.array(residual[model][k], dtype=float) for k in ("frequency", "spectrum"))
         axes.loglog(frequency[1:], density[1:], **LINES[model])
     # The spectrum reaches half the sampling rate; white noise of unit variance has this one-sided density.
-    axes.axhline(1.0 / frequency[-1], color=GREY, linestyle=(0, (5, 2)), linewidth=1.0, label="noise alone")
+    axes.axhline(1.0 / frequency[-1], **MARK, label="noise alone")
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("residual density [noise sds² / Hz]")
     figure.legend(loc="outside upper left", ncols=2)
