@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.quantisation import resolution
-from discovery.recordings.spectra import filled, spectrum
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16
@@ -131,3 +131,17 @@ def _moved(given: FloatArray | None, inside: slice) -> float:
         return 0.0
     power = np.abs(spectrum(given)) ** 2
     return float(power[inside].sum() / power.sum())
+
+
+def filled(values: FloatArray) -> FloatArray:
+    """Return readings, shape (n,), with straight lines across their gaps, which are NaN."""
+    good = np.isfinite(values)
+    return np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
+
+
+def spectrum(values: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return the spectrum of values less their trend in a window, of unit variance for white noise of that."""
+    n = values.size
+    window = np.hanning(n)
+    line = np.polynomial.Polynomial.fit(np.arange(n), values, 1)(np.arange(n))
+    return np.asarray(np.fft.rfft(window * (values - line)) / np.sqrt(np.sum(window**2)))
