@@ -9,9 +9,8 @@ from discovery.equations.model import Model
 from discovery.estimation.start_values import own_parameters
 from discovery.foundation.arguments import check_names, check_number, check_pair, expect
 from discovery.foundation.start_names import start_name
-from discovery.recordings.chosen import Recordings, training_of
+from discovery.recordings.chosen import Recordings, check_model, training_of
 from discovery.recordings.experiment import Experiment
-from discovery.recordings.one_system import check_model
 
 
 def fitted_recordings(model: Model, experiments: Recordings) -> tuple[Experiment, ...]:

@@ -14,8 +14,8 @@ from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
 from discovery.foundation.arguments import check_pair, expect
 from discovery.foundation.arrays import FloatArray
+from discovery.recordings.chosen import check_one_system
 from discovery.recordings.experiment import Experiment
-from discovery.recordings.one_system import check_one_system
 from discovery.simulation.simulate import check_finite
 
 #: Standard deviations by which parameters are moved, to both sides, and the least where motions blow up.

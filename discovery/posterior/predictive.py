@@ -17,8 +17,7 @@ from discovery.foundation.arguments import as_generator, check_names, check_pair
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
-from discovery.recordings.chosen import Recordings, training_of
-from discovery.recordings.one_system import check_model
+from discovery.recordings.chosen import Recordings, check_model, training_of
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
