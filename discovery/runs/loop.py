@@ -27,8 +27,8 @@ from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
+from discovery.recordings.holdout_part import searched_part
 from discovery.recordings.quantisation import resolution
-from discovery.recordings.search_part import searched_part
 from discovery.runs.course import Course
 from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations
