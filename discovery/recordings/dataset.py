@@ -16,13 +16,13 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
+from discovery.recordings.copies import shared_samples
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.holdout_part import fitted_count, moving_count, moving_part, with_flag
 from discovery.recordings.own_parts import own_parts
 from discovery.recordings.recording import Recording, read_recording
-from discovery.recordings.shared_samples import shared_samples
 from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
