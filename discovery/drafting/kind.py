@@ -10,7 +10,7 @@ from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
 from discovery.drafting.law_of_motion import FloatArray, own_period, runs_on
 from discovery.drafting.signals import Signals
-from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
+from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
 from discovery.rigs.kinds import Kind
 
 
