@@ -24,8 +24,7 @@ from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.quantisation import resolution
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import estimate_noise, noise_flags
-from discovery.recordings.rounded_stamps import on_its_clock
-from discovery.recordings.time_jitter import estimate_jitter, scatter
+from discovery.recordings.time_jitter import estimate_jitter, on_its_clock, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
 
