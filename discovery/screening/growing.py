@@ -14,11 +14,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from discovery.equations.model import Model
-from discovery.estimation.batch import fit_problems
+from discovery.estimation.batch import fit_problems, near_the_best
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
-from discovery.estimation.race import near_the_best
 from discovery.estimation.residual import variance_left
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import screen

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from discovery.equations.model import Model
-from discovery.estimation.batch import fit_problems, together
+from discovery.estimation.batch import SLOW, Race, fit_problems, near_the_best, together
 from discovery.estimation.least_squares import Minimum, levenberg_marquardt
 from discovery.estimation.problem import Problem
-from discovery.estimation.race import SLOW, Race, near_the_best
 from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate, Start
 from discovery.screening.finite import FarStart

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from discovery.estimation.race import SLOW, near_the_best
+from discovery.estimation.batch import SLOW, near_the_best
 from discovery.foundation.workers import at_once
 from discovery.screening.attribution import Candidate, White, screen
 from discovery.screening.finite import finite_starts
