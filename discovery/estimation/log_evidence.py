@@ -16,8 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from discovery.estimation.belief import Belief
-from discovery.estimation.laplace import Mode, Prior, mode_of
+from discovery.estimation.laplace import Belief, Mode, Prior, mode_of
 from discovery.estimation.model_error import Channel, ModelError
 from discovery.foundation.arrays import FloatArray
 

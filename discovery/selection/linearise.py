@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discovery.estimation.belief import belief_of
 from discovery.estimation.bench import Bench
 from discovery.estimation.differences import Probed, simulated
+from discovery.estimation.laplace import belief_of
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
