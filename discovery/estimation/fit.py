@@ -14,12 +14,11 @@ from discovery.estimation.asked import check_start, fitted_recordings, given_unc
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
-from discovery.estimation.guess import restoring, scan, staged_start
+from discovery.estimation.guess import restoring, scan, staged_start, start_of_system
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import Problem
-from discovery.estimation.scattered import start_of_system
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
 from discovery.foundation.arguments import check_number
