@@ -20,9 +20,9 @@ from discovery.diagnosis.force_dependence import ForceDependence, Sites, Smooth,
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.diagnosis.slow_model import Law
 from discovery.estimation.fit import Fit
+from discovery.estimation.holdout import fitted_states
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import errors
-from discovery.estimation.starts import fitted_states
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import DiscoveryError
 from discovery.recordings.experiment import Experiment
