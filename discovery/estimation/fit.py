@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from discovery.equations.model import Model
-from discovery.estimation.asked import check_start, fitted_recordings, given_uncertainty
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
@@ -19,6 +18,7 @@ from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import Problem
+from discovery.estimation.start_values import check_start, fitted_recordings, given_uncertainty
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
 from discovery.foundation.arguments import check_number
