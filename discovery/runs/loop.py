@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from discovery.estimation.bent_intervals import without_bent
 from discovery.estimation.declared import rig_uncertainty
 from discovery.estimation.first_fit import first_fit
 from discovery.estimation.fit import Fit
-from discovery.estimation.generalised import fitted_to_all
+from discovery.estimation.generalised import fitted_to_all, without_bent
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.natural_units import natural_units
