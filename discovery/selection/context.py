@@ -16,9 +16,8 @@ from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import conventions
-from discovery.estimation.step_control import affordable_bench
+from discovery.estimation.step_control import affordable_bench, unequal_bench
 from discovery.estimation.turns import turns_back
-from discovery.estimation.unequal_steps import unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
 from discovery.selection.settings import LoopSettings
