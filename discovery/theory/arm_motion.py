@@ -90,7 +90,7 @@ def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: flo
     if not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):
         raise InputError(
             f"A drive is a function of time with its kinks; got {type(drive).__name__}. Make one from samples: by "
-            "`discovery.recordings.motion_profile.smooth_motion(time, angle, noise)` from an encoder's readings, by "
+            "`discovery.recordings.smooth_input.smooth_motion(time, angle, noise)` from an encoder's readings, by "
             "`discovery.recordings.drive.spline_drive(time, angle)` from exact ones."
         )
     t = np.asarray(time, np.float64)
