@@ -13,8 +13,7 @@ from discovery.equations.known_names import check_declared
 from discovery.foundation.arguments import as_words, check_keys, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
-from discovery.mechanics.places import check_place
-from discovery.mechanics.systems import declaration_of, know_system
+from discovery.mechanics.systems import check_place, declaration_of, know_system
 
 if TYPE_CHECKING:
     import sympy as sp

@@ -23,8 +23,7 @@ from discovery.foundation.arguments import as_path
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import reason, shown
 from discovery.mechanics import get_base
-from discovery.mechanics.places import check_place
-from discovery.mechanics.systems import declare
+from discovery.mechanics.systems import check_place, declare
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.quantity_keys import check_kind, check_signals, quantities_of
