@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
-from discovery.declarations.simplicity import simplicity
+from discovery.declarations.registry import simplicity
 from discovery.declarations.systems import ARM
 from discovery.diagnosis.manoeuvre_design import (
     MotorLimits,

@@ -113,3 +113,21 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
         hint = f"Did you mean {', '.join(near)}?" if near else "`discovery effects` lists the catalogue."
         raise InputError(f"There is no effect called {effect_id!r}. {hint}")
     return known[effect_id]
+
+
+def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
+    """Return a key that sorts effects, the physically simplest first.
+
+    What imitates others comes last; then no free parameter before one, one before several, a force before a fault of an
+    instrument (of the camera, or of the encoder), and a spring or friction before a load that could feed the motion.
+
+    Parameters
+    ----------
+    effect : str
+        Id.
+    system : str
+        Kind of system, `discovery.declarations.effect.ARM` or `discovery.declarations.effect.OSCILLATOR`.
+    """
+    declared = get_effect(effect)
+    faulty, load = declared.kind in ("sensor", "drive"), declared.kind == "load"
+    return declared.pliable, len(declared.fitted(system)), faulty, load, effect

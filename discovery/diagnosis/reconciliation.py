@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.registry import get_effect
-from discovery.declarations.simplicity import simplicity
+from discovery.declarations.registry import get_effect, simplicity
 from discovery.declarations.units import in_coordinate
 from discovery.diagnosis.checks import WIDE
 from discovery.equations.model import Model

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.simplicity import simplicity
+from discovery.declarations.registry import simplicity
 from discovery.diagnosis.manoeuvre_design import (
     MotorLimits,
     Move,
