@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING
 
-from discovery.declarations.external_force import ExternalForce
 from discovery.declarations.registry import catalogue
-from discovery.declarations.smooth_force import SmoothForce
+from discovery.declarations.smooth_force import ExternalForce, SmoothForce
 from discovery.foundation.arguments import check_names
 from discovery.mechanics import base_names, get_base
 
