@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from discovery.declarations.place import amplitudes
-from discovery.declarations.unit_words import named_unit
+from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, is_force, known_dimension, si_symbol
 from discovery.equations.model import Model
 from discovery.foundation.arrays import FloatArray
