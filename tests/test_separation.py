@@ -21,7 +21,7 @@ from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
 from discovery.declarations.registry import simplicity
-from discovery.declarations.systems import ARM
+from discovery.declarations.system import ARM
 from discovery.diagnosis.manoeuvre_design import (
     MotorLimits,
     Move,

@@ -12,7 +12,7 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Dissipation, Effect, Kinetic, Load, Memory, Mode, Potential
 from discovery.declarations.registry import get_effect
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.equations.contributions import strands
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM, ROTOR, SPRING, Effect
 from discovery.declarations.parameters import Normal, Parameter
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, in_coordinate
 from discovery.mechanics.rod import STRAIGHT, Rod

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.declarations.units import in_coordinate, si_symbol
 from discovery.foundation.arguments import check_whole
 from discovery.foundation.arrays import FloatArray

@@ -9,7 +9,7 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.equations.contributions import radius_of
 from discovery.report.mathml import row, symbol
 from discovery.report.mathml_expression import expression

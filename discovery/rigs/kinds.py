@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 
 
 @dataclass(frozen=True)

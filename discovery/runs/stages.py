@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model

@@ -15,7 +15,7 @@ from scipy.linalg.blas import dgemm
 from discovery.declarations.effect import Effect, Expressed, Joint, Memory, Sensor
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.estimation.bench import Bench
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.screening.ages import ages_of, ages_only, per_age

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.signals.differentiate import Trajectory, smooth
