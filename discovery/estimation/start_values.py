@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from discovery.declarations.registry import get_effect
-from discovery.equations.known_names import check_declared
-from discovery.equations.model import Model
+from discovery.equations.model import Model, check_declared
 from discovery.foundation.arguments import check_names, check_number, check_pair, expect
 from discovery.foundation.start_names import start_name
 from discovery.recordings.chosen import Recordings, check_model, training_of
