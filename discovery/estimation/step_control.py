@@ -21,7 +21,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.workers import at_once
 from discovery.recordings.experiment import Experiment
-from discovery.simulation.pace import Pace
+from discovery.simulation.grid import Pace
 from discovery.simulation.simulate import THREADS
 
 #: Most steps of one recording: dry friction and play would ask for any number.

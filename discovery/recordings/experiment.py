@@ -18,8 +18,7 @@ from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
-from discovery.simulation.grid import DriveLike
-from discovery.simulation.pace import Pace
+from discovery.simulation.grid import DriveLike, Pace
 
 
 @dataclass(frozen=True, repr=False)

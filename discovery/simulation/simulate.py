@@ -14,9 +14,8 @@ from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.foundation.workers import aside, in_threads
 from discovery.mechanics import get_base
-from discovery.simulation.grid import DriveLike, Grid
+from discovery.simulation.grid import DriveLike, Grid, Pace
 from discovery.simulation.kernel.compile import Kernel, compile_kernel
-from discovery.simulation.pace import Pace
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
 
