@@ -9,9 +9,8 @@ import sympy as sp
 
 from discovery.equations.program import RECORDED, Program
 from discovery.simulation.kernel.fused import fused_step, staged_step
-from discovery.simulation.kernel.islands import Loop, Plan, plan
+from discovery.simulation.kernel.islands import NOBODY, Effects, Loop, Piece, Plan, Splitter, cost, plan
 from discovery.simulation.kernel.lanes import PLACES
-from discovery.simulation.kernel.owned_terms import NOBODY, Effects, Piece, Splitter, cost
 from discovery.simulation.kernel.reading import fused_reading, late_interpolation, misses, reading
 from discovery.simulation.kernel.straight_line import received
 from discovery.simulation.kernel.text import computed, filled

@@ -8,7 +8,7 @@ from functools import reduce
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from discovery.simulation.kernel.owned_terms import Piece
+from discovery.simulation.kernel.islands import Piece
 
 
 class _Printer(PythonCodePrinter):
