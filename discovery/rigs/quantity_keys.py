@@ -13,8 +13,7 @@ from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig import Columns, Quantity
-from discovery.rigs.rig_lines import RigText
-from discovery.rigs.rig_mistakes import explain
+from discovery.rigs.rig_mistakes import RigText, explain
 from discovery.rigs.rig_schema import QuantityTable, RigTable
 
 

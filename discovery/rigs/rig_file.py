@@ -28,8 +28,7 @@ from discovery.rigs.kinds import KINDS
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.quantity_keys import check_kind, check_signals, quantities_of
 from discovery.rigs.rig import Columns, Quantity, RecordPart, Rig
-from discovery.rigs.rig_lines import RigText
-from discovery.rigs.rig_mistakes import explain
+from discovery.rigs.rig_mistakes import RigText, explain
 from discovery.rigs.rig_schema import RecordsTable, RigTable
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
 from discovery.rigs.rig_system import read_columns, system_of

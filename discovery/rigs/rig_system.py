@@ -22,7 +22,7 @@ from discovery.foundation.errors import InputError, suggestion
 from discovery.mechanics.systems import system_base
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import Columns
-from discovery.rigs.rig_lines import RigText
+from discovery.rigs.rig_mistakes import RigText
 from discovery.rigs.rig_schema import RigTable
 from discovery.rigs.rig_signals import columns_of
 from discovery.rigs.system_table import ConstantTable, SystemTable
