@@ -24,8 +24,7 @@ from discovery.diagnosis.manoeuvre_design import (
     hub_drive,
     known_part,
 )
-from discovery.diagnosis.move_search import MoveSearch
-from discovery.diagnosis.rival_distance import Distance, Trial, distance_on_given
+from discovery.diagnosis.rival_distance import Distance, MoveSearch, Trial, distance_on_given
 from discovery.estimation.fit import Fit
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
