@@ -10,10 +10,20 @@ import numpy as np
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.units import quoted
-from discovery.diagnosis.caution import Caution, at_edges, burst, like_noise, missed, not_carried, scattered, strayed
+from discovery.diagnosis.caution import (
+    Caution,
+    StandIn,
+    at_edges,
+    burst,
+    like_noise,
+    missed,
+    not_carried,
+    scattered,
+    stand_in,
+    strayed,
+)
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
-from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
