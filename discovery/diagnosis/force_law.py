@@ -15,8 +15,8 @@ from itertools import product
 
 import numpy as np
 
-from discovery.diagnosis.chain_newton import close
 from discovery.diagnosis.force_dependence import ForceDependence, Sites, Smooth, with_imitated
+from discovery.diagnosis.latent_force import close
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.diagnosis.slow_model import Law
 from discovery.estimation.fit import Fit
