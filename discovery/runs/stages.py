@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.random import SeedSequence
 
 from discovery.declarations.system import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
@@ -30,13 +31,14 @@ from discovery.rigs.kinds import KINDS, LINEAR_MODEL
 from discovery.runs.failed_loop import LoopFailure, failed_loop
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
-from discovery.runs.stage import stage_seed
 from discovery.selection.settings import LoopSettings
 
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.posterior.noise_choice import NoiseChoice
     from discovery.posterior.study import PosteriorStudy
+
+_ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
 
 
 @dataclass(frozen=True)
@@ -242,3 +244,8 @@ def unexplained(result: LoopResult, dataset: Dataset, *, progress: Tell = silent
     except ComputationError as failure:
         progress(str(failure))
         return None
+
+
+def stage_seed(seed: int, stage: str) -> int:
+    """Return the seed of one stage, independent of the others."""
+    return int(SeedSequence(seed).spawn(len(_ORDER))[_ORDER.index(stage)].generate_state(1)[0])
