@@ -31,7 +31,7 @@ HOMES = {
     },
     "pysindy": {
         "discovery.sindy.sindy",
-        "discovery.sindy.subset",
+        "discovery.sindy.evidence",
         "discovery.sindy.candidates",
         "discovery.diagnosis.force_law",
     },

@@ -20,10 +20,9 @@ from scipy.stats import chi2
 
 from discovery.foundation.arrays import FloatArray
 from discovery.signals.motion import Motion
-from discovery.sindy.evidence import Choice, loudness
+from discovery.sindy.evidence import Choice, best_subsets, loudness, residual_sums
 from discovery.sindy.library import Library, build_library
 from discovery.sindy.structure import Discovery, Equation, status_of
-from discovery.sindy.subset import best_subsets, residual_sums
 
 PASSIVE = ("viscous_damping", "structural_damping", "coulomb_friction", "quadratic_drag")
 """Friction takes energy out of the motion: its coefficients are not negative."""
