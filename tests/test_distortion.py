@@ -13,8 +13,7 @@ from scipy.signal import lfilter
 
 from discovery.recordings.recording import Recording, read_recording
 from discovery.rigs.rig_file import read_rig
-from discovery.signals.distortion import analyse_multisine
-from discovery.signals.multisine import Multisine
+from discovery.signals.distortion import Multisine, analyse_multisine
 from discovery.signals.periods import find_periods
 
 RATE = 200.0
