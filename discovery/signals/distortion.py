@@ -22,8 +22,17 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from discovery.foundation.arrays import BoolArray, FloatArray
-from discovery.signals.periods import find_periods, settling_of, whole_periods
-from discovery.signals.spectral_lines import MIN_LINES, LineNoise, Lines, line_noise, lines_of, tones_of
+from discovery.signals.spectral_lines import (
+    MIN_LINES,
+    LineNoise,
+    Lines,
+    find_periods,
+    line_noise,
+    lines_of,
+    settling_of,
+    tones_of,
+    whole_periods,
+)
 
 if TYPE_CHECKING:
     from discovery.recordings.recording import Recording
