@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from discovery.declarations.units import quoted, si_symbol
-from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
-from discovery.drafting.law_of_motion import FloatArray, own_period
+from discovery.drafting.law_of_motion import LOOKS, FloatArray, is_one_line, is_relative, own_period
 from discovery.foundation.arguments import expect
 from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import median_step
