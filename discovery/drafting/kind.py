@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
 from discovery.drafting.law_of_motion import FloatArray, own_period, runs_on
 from discovery.drafting.signals import Signals
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import Table
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
 from discovery.rigs.kinds import Kind
 
@@ -64,3 +69,23 @@ def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
         return Guess("drive", "an input moves it, and nothing pulls it back to a place of rest")
     back = f"it swings about its rest, once in about {period:.3g} s"
     return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)
+
+
+def trials(table: Table, time: npt.NDArray[np.float64], names: Sequence[str]) -> tuple[str, list[str | float]]:
+    """Return the column that tells the trials of a file apart, and its values in their order; none of them otherwise.
+
+    Its times [s] (n,) begin again with every trial. Of the columns `names`, one may hold for each a value of its own.
+    """
+    begins = np.flatnonzero(np.diff(time) <= 0.0) + 1
+    if not begins.size:
+        return "", []
+    for name in names:
+        try:
+            cells: list[str | float] = table.numbers(name).tolist()
+        except InputError:
+            cells = [str(cell).strip() for cell in table.columns[name]]
+        parts = [set(cells[part[0] : part[-1] + 1]) for part in np.split(np.arange(len(cells)), begins)]
+        values = [value for part in parts for value in part]
+        if all(len(part) == 1 for part in parts) and len(set(values)) == len(values):
+            return name, values
+    return "", []
