@@ -21,8 +21,8 @@ from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, 
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
+from discovery.recordings.band_noise import quantum, resolution
 from discovery.recordings.file_signals import ARM_STEMS
-from discovery.recordings.quantisation import quantum, resolution
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.rigs.kinds import KINDS
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.foundation.arrays import FloatArray
-from discovery.recordings.band_noise import BandNoise
+from discovery.recordings.band_noise import BandNoise, resolution
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
-from discovery.recordings.quantisation import resolution
 
 _FEWEST = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
