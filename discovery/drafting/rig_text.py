@@ -21,9 +21,8 @@ from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, 
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
-from discovery.recordings.band_noise import quantum, resolution
 from discovery.recordings.file_signals import ARM_STEMS
-from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.reading_noise import estimate_noise, quantum, resolution
 from discovery.rigs.kinds import KINDS
 
 #: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.

@@ -9,8 +9,8 @@ import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import gaps, median_step
-from discovery.recordings.band_noise import BandNoise, filled, lasting_rounding, spectrum
 from discovery.recordings.flags import Flag
+from discovery.recordings.reading_noise import BandNoise, filled, lasting_rounding, spectrum
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
 

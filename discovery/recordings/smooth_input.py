@@ -8,10 +8,9 @@ from scipy.fft import irfft, rfft
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
-from discovery.recordings.band_noise import resolution
 from discovery.recordings.drive import Drive, spline_drive
 from discovery.recordings.profile_spline import Phase, fit_phases, likeliest_roughness
-from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.reading_noise import estimate_noise, resolution
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arrays import FloatArray
-from discovery.recordings.band_noise import quantum
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
+from discovery.recordings.reading_noise import quantum
 from discovery.recordings.recording import Recording
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.rig import Rig

@@ -22,12 +22,12 @@ from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.progress import Course, Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
-from discovery.recordings.band_noise import resolution
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
 from discovery.recordings.holdout_part import searched_part
+from discovery.recordings.reading_noise import resolution
 from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult, ModelErrorReport
