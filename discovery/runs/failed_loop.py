@@ -11,8 +11,7 @@ import numpy as np
 
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.equations.model import Model
-from discovery.estimation.declared import declared_model, rig_uncertainty
-from discovery.estimation.first_fit import led
+from discovery.estimation.declared import declared_model, led, rig_uncertainty
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.export import linearise
 from discovery.foundation.errors import ComputationError, InputError, SimulationFailure

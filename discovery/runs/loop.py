@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.estimation.declared import rig_uncertainty
-from discovery.estimation.first_fit import first_fit
+from discovery.estimation.declared import first_fit, rig_uncertainty
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all, without_bent
 from discovery.estimation.holdout import HoldOut

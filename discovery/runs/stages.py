@@ -12,8 +12,7 @@ from numpy.random import SeedSequence
 from discovery.declarations.system import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
 from discovery.equations.model import Model
-from discovery.estimation.declared import declared_model
-from discovery.estimation.first_fit import first_fit
+from discovery.estimation.declared import declared_model, first_fit
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import natural_units
