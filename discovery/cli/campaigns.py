@@ -106,8 +106,7 @@ def _page(folder: Path, names: Sequence[str], dashboard: str = "") -> Path:
     """Pool the parameters of some cases, and write the page over all of them."""
     from discovery.report.campaign import build_campaign
     from discovery.results.provenance import write_json
-    from discovery.runs.campaign import rows
-    from discovery.runs.pooling import pooled_parameters
+    from discovery.runs.campaign import pooled_parameters, rows
 
     pooled = pooled_parameters(rows(folder, names))
     write_json(folder / "pooled.json", {"pooled": pooled})

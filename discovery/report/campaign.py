@@ -39,7 +39,7 @@ def build_campaign(
     folder : Path
         The folder of the campaign.
     rows, pooled : sequence of mapping
-        From `discovery.runs.campaign.rows` and `discovery.runs.pooling.pooled_parameters`.
+        From `discovery.runs.campaign.rows` and `discovery.runs.campaign.pooled_parameters`.
     dashboard : str
         Address of the dashboard of the cluster that did the cases; of the web, else it is not linked.
     """
