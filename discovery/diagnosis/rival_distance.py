@@ -23,10 +23,9 @@ from scipy.optimize import lsq_linear, minimize
 from discovery.diagnosis.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit
 from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.sampling import median_step
-from discovery.recordings.angles import within_half_a_turn
 from discovery.simulation.simulate import Simulator
 
 #: Samples at which trial manoeuvres are compared: several in each period of the motion.

@@ -12,9 +12,8 @@ from discovery.declarations.parameters import Parameter
 from discovery.declarations.system import System
 from discovery.declarations.units import in_coordinate, si_symbol
 from discovery.foundation.arguments import check_whole
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.start_names import start_name
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from discovery.declarations.units import quoted
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.file_signals import Signals
 from discovery.rigs.rig import Rig
 

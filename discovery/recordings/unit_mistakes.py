@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.declarations.units import quoted, si_factor
-from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray, within_half_a_turn
 from discovery.foundation.errors import InputError
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import slow_fall

@@ -18,12 +18,11 @@ from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Tell, silent
 from discovery.foundation.sampling import gaps
 from discovery.posterior.noise import GAUSSIAN, words_of
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import largest_deflection, make_experiment
 from discovery.rigs.kinds import KINDS, LINEAR_MODEL
