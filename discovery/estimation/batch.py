@@ -106,12 +106,8 @@ def near_the_best(chi2: Sequence[float], n_data: int, behind: float = _BEHIND) -
 class Race:
     """Minimisations of which only the best matter, each a model fitted from some start.
 
-    Parameters
-    ----------
-    n_data : int
-        Number of residuals: what noise alone leaves of chi-square.
-    behind : float
-        Nobody gives up without leaving so many times the excess chi-square of the one ahead.
+    `n_data`: number of residuals: what noise alone leaves of chi-square. `behind`: nobody gives up without leaving so
+    many times the excess chi-square of the one ahead.
     """
 
     def __init__(self, n_data: int, behind: float = _BEHIND) -> None:

@@ -28,18 +28,9 @@ _CHANNELS: dict[tuple[str, ...], int] = {("tip_angle",): 1, ("tip_deflection",):
 class Bench:
     """Simulators of one base with a common set of effects on all experiments: many problems share them.
 
-    Parameters
-    ----------
-    base : str
-        Name of the base.
-    effects : sequence of str
-        Every effect that any problem on this bench may use.
-    experiments : sequence of Experiment
-        Recordings.
-    step : float
-        Longest integration step of the classical method [s]; the pace of an experiment makes some shorter.
-    leap : float, optional
-        Longest step of the method of order eight [s]. It replaces the classical one where the terms suit it.
+    `base`: name of the base. `effects`: every effect that any problem on this bench may use. `step`: longest
+    integration step of the classical method [s]; the pace of an experiment makes some shorter. `leap`: longest step of
+    the method of order eight [s]. It replaces the classical one where the terms suit it.
     """
 
     def __init__(

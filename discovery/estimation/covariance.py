@@ -26,15 +26,9 @@ def covariance_of(
 ) -> tuple[FloatArray, dict[str, str], tuple[dict[str, float], ...]]:
     """Return the covariance of the estimates from the Jacobian at the minimum, by singular values.
 
-    Returns
-    -------
-    covariance : ndarray, shape (p, p)
-        For residuals as correlated as those that are left, never below the instrument's white noise and what the model
-        idealises; NaN rows where an interval is missing.
-    reasons : dict of str to str
-        Why an interval is missing, by parameter.
-    directions : tuple of dict
-        Combinations of parameters that the data do not determine.
+    Returned: `covariance` (p, p): for residuals as correlated as those that are left, never below the instrument's
+    white noise and what the model idealises; NaN rows where an interval is missing; `reasons`: why an interval is
+    missing, by parameter; `directions`: combinations of parameters that the data do not determine.
     """
     names = problem.names
     p = len(names)

@@ -99,17 +99,8 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
     A fit that leaves much of the motion, or that a bound stops, is tried again along growing parts of the recordings,
     and the other one is returned if it leaves less than half.
 
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Recordings to fit.
-    units : NaturalUnits
-        Natural units.
-
-    Raises
-    ------
-    ComputationError
-        If the model blows up from its guesses, and cannot be led to the end of the recordings either.
+    `experiments`: recordings to fit. Raises ComputationError if the model blows up from its guesses, and cannot be led
+    to the end of the recordings either.
     """
     model = declared_model(experiments[0])
     gaussian = {} if experiments[0].system.has_rod else rig_uncertainty(experiments[0])

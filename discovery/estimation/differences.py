@@ -30,23 +30,12 @@ class Probed:
     What is free of a recording moves that one alone. That of all recordings is moved at once, so that derivatives cost
     as many simulations for ten of them as for one (Curtis, Powell and Reid, Journal of the Institute of Mathematics and
     its Applications 13 (1974) 117).
-
-    Parameters
-    ----------
-    points : ndarray, shape (m, 2 g + 1)
-        The vector, then all points above it, then all below.
-    apart : ndarray, shape (m,)
-        How far apart those of a number are.
-    at : ndarray of int, shape (m,)
-        Which of the g points of either side each number is moved at.
-    owner : ndarray of int, shape (m,)
-        Recording that each moves alone; -1 for all of them.
     """
 
-    points: FloatArray
-    apart: FloatArray
-    at: IntArray
-    owner: IntArray
+    points: FloatArray  # (m, 2 g + 1), the vector, then all points above it, then all below
+    apart: FloatArray  # (m,), how far apart those of a number are
+    at: IntArray  # (m,), which of the g points of either side each number is moved at
+    owner: IntArray  # (m,), recording that each moves alone; -1 for all of them
 
     @classmethod
     def around(cls, problem: Problem, x: FloatArray, size: FloatArray) -> Probed:
@@ -94,31 +83,17 @@ def simulated(bench: Bench, problems: Sequence[Problem], probes: Sequence[Probed
 
 @dataclass(frozen=True)
 class HalfStep:
-    """What half the step changes at a parameter vector.
+    """What half the step changes at a parameter vector."""
 
-    Parameters
-    ----------
-    change : ndarray, shape (n,)
-        Of the fitted residuals, laid out as those of a bench [noise sds].
-    resolves_slopes : bool
-        Whether it leaves the derivatives of the readings as they are.
-    """
-
-    change: FloatArray
-    resolves_slopes: bool
+    change: FloatArray  # (n,), of the fitted residuals, laid out as those of a bench [noise sds]
+    resolves_slopes: bool  # whether it leaves the derivatives of the readings as they are
 
 
 def half_step(problem: Problem, minimum: Minimum, sd: FloatArray) -> HalfStep:
     """Return what half the step changes, from one simulation on either.
 
-    Parameters
-    ----------
-    problem : Problem
-        On the simulators in question.
-    minimum : Minimum
-        Where, with the derivatives of which intervals were made.
-    sd : ndarray, shape (p,)
-        Standard deviations of the parameters, by which they are moved; what has none, NaN, is not judged.
+    `problem`: on the simulators in question. `minimum`: where, with the derivatives of which intervals were made. `sd`
+    (p,): standard deviations of the parameters, by which they are moved; what has none, NaN, is not judged.
     """
     known = np.isfinite(sd) & (sd > 0)
     probe = Probed.around(problem, minimum.x, np.where(known, sd, _LITTLE * problem.scale))

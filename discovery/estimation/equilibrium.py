@@ -41,23 +41,9 @@ def equilibrium(
     Of several rest positions the one nearest to zero is returned. A declared system begins at rest where its
     coordinates are zero: many have no place where they rest.
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    values : mapping of str to float
-        Its parameters; missing ones are absent.
-    units : NaturalUnits
-        Natural units.
-    drive : sequence of float
-        Input at rest: motor angle [rad], or u.
-    time : float, optional
-        Forces that depend on time are held as they are then [s]; by default they are left out.
-
-    Raises
-    ------
-    ComputationError
-        If there is no rest position within the range of the model, or no restoring force at all.
+    `values`: its parameters; missing ones are absent. `drive`: input at rest: motor angle [rad], or u. `time`: forces
+    that depend on time are held as they are then [s]; by default they are left out. Raises ComputationError if there is
+    no rest position within the range of the model, or no restoring force at all.
     """
     if model.mechanics.places():
         return 0.0
@@ -168,10 +154,7 @@ class _Rest:
 def _settled(slopes: Callable[[FloatArray], FloatArray], first: FloatArray, n: int, time: float) -> FloatArray:
     """Return the coordinates in which a model comes to rest, its motion slowed down by a strong extra friction.
 
-    Raises
-    ------
-    ComputationError
-        If it does not come to rest.
+    Raises ComputationError if it does not come to rest.
     """
     from scipy.integrate import solve_ivp
 

@@ -251,10 +251,7 @@ def fit(
 def fit_near(problem: Problem, values: Mapping[str, float]) -> Fit:
     """Return the fit next to a start that is a good one already: quicker than `fit`, which searches.
 
-    Raises
-    ------
-    SimulationFailure
-        If the model blows up there.
+    Raises SimulationFailure if the model blows up there.
     """
     (minimum,) = fit_problems([problem], [problem.start(values)], iterations=25, tolerance=1e-6, rough=True)
     return _at(problem, minimum)

@@ -52,14 +52,8 @@ def fitted_to_all(found: Fit, error: float, bench: Bench) -> Fit:
     Intervals stay those of the part: a model error in a parameter's direction does not average out, and without one
     they are wider than all readings would give.
 
-    Parameters
-    ----------
-    found : Fit
-        On parts of the recordings; it is returned where the motion blows up beyond them.
-    error : float
-        Size of the model error [noise sds].
-    bench : Bench
-        Simulators of the recordings, of the same names.
+    `found`: on parts of the recordings; it is returned where the motion blows up beyond them. `error`: size of the
+    model error [noise sds]. `bench`: simulators of the recordings, of the same names.
     """
     problem = replace(found.problem, bench=bench)
     start = problem.start(found.values)
@@ -74,12 +68,7 @@ def without_bent(fit: Fit, effects: Iterable[str]) -> Fit:
     Where the two contradict each other the posterior is not normal: a law that saturates, a valley that ends before
     the amplitude vanishes.
 
-    Parameters
-    ----------
-    fit : Fit
-        With intervals to first order.
-    effects : iterable of str
-        Effects whose absence the odds exclude.
+    `fit`: with intervals to first order. `effects`: effects whose absence the odds exclude.
     """
     at = {n: i for i, n in enumerate(fit.problem.names)}
     reasons, covariance = dict(fit.reasons), fit.covariance.copy()

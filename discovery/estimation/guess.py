@@ -76,16 +76,7 @@ def scan(
     simulated at once and the best one is returned; with a measured input, the grid is centred on the regression of the
     smoothed acceleration.
 
-    Parameters
-    ----------
-    model : Model
-        With a free stiffness, see `restoring`.
-    experiments : sequence of Experiment
-        Recordings.
-    units : NaturalUnits
-        Natural units.
-    given : mapping of str to float
-        Values that are not guessed.
+    `model`: with a free stiffness, see `restoring`. `given`: values that are not guessed.
     """
     values = dict(given)
     name = restoring(model)
@@ -148,21 +139,8 @@ def start_of_system(
 ) -> dict[str, float]:
     """Return start values of a declared system: its guesses where a fit leads anywhere from there, else others.
 
-    Parameters
-    ----------
-    model : Model
-        Its free constants keep the sign of their guesses.
-    experiments : sequence of Experiment
-        Recordings.
-    units : NaturalUnits
-        Natural units.
-    gaussian : mapping of str to (float, float)
-        Constants that are known within a standard deviation: they stay there.
-
-    Returns
-    -------
-    dict of str to float
-        Empty where the guesses are the best start there is.
+    `model`: its free constants keep the sign of their guesses. `gaussian`: constants that are known within a standard
+    deviation: they stay there. Returned: empty where the guesses are the best start there is.
     """
     step = min([units.time / _STEPS, *(median_step(e.recording.time) for e in experiments)])
     known = {n: g for n, g in gaussian.items() if n in model.parameters}

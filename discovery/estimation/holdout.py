@@ -194,10 +194,7 @@ def held_out(
 ) -> list[list[FloatArray]]:
     """Return predictions of a bench's recordings, not fitted: parameters held, only the initial state is fitted.
 
-    Returns
-    -------
-    list of list of ndarray, shape (n, c)
-        For each candidate, its prediction of each recording.
+    Returned (n, c): for each candidate, its prediction of each recording.
     """
     problems = []
     for model, values in candidates:

@@ -28,51 +28,24 @@ _BLIND = 1e-13
 
 @dataclass(frozen=True)
 class Mode:
-    """The posterior of the parameters for one size of the model error.
+    """The posterior of the parameters for one size of the model error."""
 
-    Parameters
-    ----------
-    log_evidence : float
-        The size given.
-    white : float
-        Standard deviation of the noise [stated noise sds], at least one.
-    step : ndarray, shape (p,)
-        From the linearisation to the mode.
-    precision : ndarray, shape (p, p)
-        Inverse covariance.
-    gained : float
-        By how much the step raises the logarithm of the posterior.
-    """
-
-    log_evidence: float
-    white: float
-    step: FloatArray
-    precision: FloatArray
-    gained: float
+    log_evidence: float  # the size given
+    white: float  # standard deviation of the noise [stated noise sds], at least one
+    step: FloatArray  # (p,), from the linearisation to the mode
+    precision: FloatArray  # (p, p), inverse covariance
+    gained: float  # by how much the step raises the logarithm of the posterior
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed of the parameters of a linear problem.
+    """What is believed of the parameters of a linear problem."""
 
-    Parameters
-    ----------
-    mean : ndarray, shape (p,)
-        Where the Gaussian ones have their mean.
-    precision : ndarray, shape (p, p)
-        Inverse covariance, of other priors from their widths.
-    pull : ndarray, shape (p, p)
-        The part of it that is Gaussian: others are flat on the scale of the posterior.
-    log_density : float
-        At the linearisation, that of the Gaussian ones at their mean.
-    low, high, frozen
-        As for a belief.
-    """
-
-    mean: FloatArray
-    precision: FloatArray
-    pull: FloatArray
-    log_density: float
+    mean: FloatArray  # (p,), where the Gaussian ones have their mean
+    precision: FloatArray  # (p, p), inverse covariance, of other priors from their widths
+    pull: FloatArray  # (p, p), the part of it that is Gaussian: others are flat on the scale of the posterior
+    log_density: float  # at the linearisation, that of the Gaussian ones at their mean
+    #: low, high, frozen: as for a belief.
     low: FloatArray
     high: FloatArray
     frozen: BoolArray
@@ -184,28 +157,15 @@ def _forms(gram, pull, mean, step):
 
 @dataclass(frozen=True)
 class Belief:
-    """What is believed of every parameter before the recordings.
+    """What is believed of every parameter before the recordings."""
 
-    Parameters
-    ----------
-    log_density : ndarray, shape (p,)
-        Logarithm of each prior at the linearisation; of what the rig states, at its mean.
-    width : ndarray, shape (p,)
-        Width of each prior.
-    centre : ndarray, shape (p,)
-        Mean of what the rig states, NaN elsewhere.
-    low, high : ndarray, shape (p,)
-        Bounds less the linearisation.
-    frozen : ndarray of bool, shape (p,)
-        What lies on a bound and does not move.
-    """
-
-    log_density: FloatArray
-    width: FloatArray
-    centre: FloatArray
+    log_density: FloatArray  # (p,), logarithm of each prior at the linearisation; of what the rig states, at its mean
+    width: FloatArray  # (p,), width of each prior
+    centre: FloatArray  # (p,), mean of what the rig states, NaN elsewhere
+    #: low, high (p,): bounds less the linearisation.
     low: FloatArray
     high: FloatArray
-    frozen: BoolArray
+    frozen: BoolArray  # (p,), what lies on a bound and does not move
 
 
 def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequence[float]) -> Belief:

@@ -26,24 +26,13 @@ _RIDGE = 10.0
 
 @dataclass(frozen=True)
 class Proposal:
-    """A Student t around a centre, with a wider one mixed in (T. Hesterberg, Technometrics 37 (1995) 185).
+    """A Student t around a centre, with a wider one mixed in (T. Hesterberg, Technometrics 37 (1995) 185)."""
 
-    Parameters
-    ----------
-    centre : ndarray, shape (d,)
-        Its centre.
-    factor : ndarray, shape (d, d)
-        Lower Cholesky factor of its scale matrix.
-    frame : ndarray, shape (d, d), optional
-        Matrix from the coordinates of the density to those in which valleys may bend; None: nothing bends.
-    bend : Bend, optional
-        The map from straight coordinates, in which it is a Student t, to those of the frame.
-    """
-
-    centre: FloatArray
-    factor: FloatArray
+    centre: FloatArray  # (d,), its centre
+    factor: FloatArray  # (d, d), lower Cholesky factor of its scale matrix
+    #: (d, d): matrix from the coordinates of the density to those in which valleys may bend; None: nothing bends.
     frame: FloatArray | None = None
-    bend: Bend | None = None
+    bend: Bend | None = None  # the map from straight coordinates, in which it is a Student t, to those of the frame
 
     @classmethod
     def standard(cls, dimension: int, frame: FloatArray | None = None) -> Proposal:
@@ -106,19 +95,13 @@ def _moments(points: FloatArray, weights: FloatArray) -> tuple[FloatArray, Float
 
 @dataclass(frozen=True)
 class Bend:
-    """A triangular map.
+    """A triangular map."""
 
-    Parameters
-    ----------
-    centre, scale : ndarray, shape (d,)
-        Of the coordinates in which it is defined.
-    shifts : tuple of (int, tuple of int, ndarray)
-        Coordinate, the coordinates that shift it, and the coefficients of their terms; in the order in which they are
-        added.
-    """
-
+    #: centre, scale (d,): of the coordinates in which it is defined.
     centre: FloatArray
     scale: FloatArray
+    #: Coordinate, the coordinates that shift it, and the coefficients of their terms; in the order in which they are
+    #: added.
     shifts: tuple[tuple[int, tuple[int, ...], FloatArray], ...] = ()
 
     @classmethod

@@ -26,36 +26,17 @@ _BENT = (1.0, 0.7, 0.45, 1.4)
 
 @dataclass(frozen=True)
 class StartValue:
-    """One number that belongs to one recording.
+    """One number that belongs to one recording."""
 
-    Parameters
-    ----------
-    name : str
-        With that of the recording in brackets.
-    experiment : int
-        Number of the recording.
-    row : int
-        Which of its numbers: 0 deflection, 1 rate, from 2 on what `own_parameters` lists.
-    scale : float
-        Typical size of a step.
-    width : float
-        Of its prior, around zero.
-    starts : tuple of float
-        Where its fit may begin; none where the recording tells it.
-    own_unit : str
-        SI unit of what is no state; empty for a state.
-    guess : float
-        What its recording tells of it; zero where that tells nothing.
-    """
-
-    name: str
-    experiment: int
-    row: int
-    scale: float
-    width: float
+    name: str  # with that of the recording in brackets
+    experiment: int  # number of the recording
+    row: int  # which of its numbers: 0 deflection, 1 rate, from 2 on what `own_parameters` lists
+    scale: float  # typical size of a step
+    width: float  # of its prior, around zero
+    #: Where its fit may begin; none where the recording tells it.
     starts: tuple[float, ...] = field(default=(), kw_only=True)
-    own_unit: str = field(default="", kw_only=True)
-    guess: float = field(default=0.0, kw_only=True)
+    own_unit: str = field(default="", kw_only=True)  # SI unit of what is no state; empty for a state
+    guess: float = field(default=0.0, kw_only=True)  # what its recording tells of it; zero where that tells nothing
 
     def unit(self, coordinate: str) -> str:
         """Return its SI unit where the coordinate has this one."""
@@ -73,18 +54,9 @@ def start_values(
 ) -> tuple[StartValue, ...]:
     """Return what is free of every recording, one after the other.
 
-    Parameters
-    ----------
-    model : Model
-        Its mechanics tell how many numbers a start has.
-    units : NaturalUnits
-        Natural units.
-    experiments : sequence of Experiment
-        The recordings.
-    own : sequence of str
-        Parameters of which recordings have their own values, those of other models among them.
-    reference : str
-        Name of the recording from whose values those of the others are counted.
+    `model`: its mechanics tell how many numbers a start has. `own`: parameters of which recordings have their own
+    values, those of other models among them. `reference`: name of the recording from whose values those of the others
+    are counted.
     """
     q, time = units.coordinate, units.time
     sizes = (q, q / time)[: model.mechanics.starts]
@@ -108,10 +80,7 @@ def start_values(
 def fitted_recordings(model: Model, experiments: Recordings) -> tuple[Experiment, ...]:
     """Return the recordings to which a model is fitted.
 
-    Raises
-    ------
-    InputError
-        For what is no model, no recordings, or recordings of another system.
+    Raises InputError for what is no model, no recordings, or recordings of another system.
     """
     expect(model, Model, "model", "Take declared_model(dataset), or make a Model(base, effects).")
     found = training_of(experiments)
@@ -124,10 +93,8 @@ def check_start(
 ) -> dict[str, float]:
     """Return start values by name.
 
-    Raises
-    ------
-    InputError
-        For a name that is neither a parameter of the model nor an initial state, or a value that is no finite number.
+    Raises InputError for a name that is neither a parameter of the model nor an initial state, or a value that is no
+    finite number.
     """
     if start is None:
         return {}
@@ -144,10 +111,7 @@ def given_uncertainty(
 ) -> dict[str, tuple[float, float]]:
     """Return what is known within an uncertainty; parameters of effects that the model lacks are passed over.
 
-    Raises
-    ------
-    InputError
-        For a name that nothing declares, or what is no mean with a standard deviation.
+    Raises InputError for a name that nothing declares, or what is no mean with a standard deviation.
     """
     if gaussian is None:
         return {}

@@ -63,17 +63,8 @@ def more_accurate(bench: Bench) -> Iterator[Bench]:
 def solver_errors(fits: Sequence[tuple[Problem, FloatArray]], bench: Bench) -> FloatArray:
     """Return how far more accurate simulators move the readings of fits, held-out samples too.
 
-    Parameters
-    ----------
-    fits : sequence of (Problem, ndarray of shape (p,))
-        Problems, on simulators of the same recordings, and their values.
-    bench : Bench
-        Other simulators.
-
-    Returns
-    -------
-    ndarray, shape (fits,)
-        Sum over the samples [noise variances]; infinite where a motion blows up.
+    `fits` each (p,): problems, on simulators of the same recordings, and their values. `bench`: other simulators.
+    Returned (fits,): sum over the samples [noise variances]; infinite where a motion blows up.
     """
     errors = np.zeros(len(fits))
     for own in dict.fromkeys(problem.bench for problem, _ in fits):
@@ -94,14 +85,8 @@ def solver_errors(fits: Sequence[tuple[Problem, FloatArray]], bench: Bench) -> F
 def cheapest(problem: Problem, minimum: Minimum, bench: Bench, *, worth: float) -> tuple[Problem, Minimum]:
     """Return the same minimum on simulators that cost less, if it is one there, far from blowing up.
 
-    Parameters
-    ----------
-    problem, minimum : Problem, Minimum
-        Fitted on accurate simulators.
-    bench : Bench
-        The cheapest that are tried, then such as cost twice as much, and twice as much again.
-    worth : float
-        So much higher may its chi-square be.
+    `problem`, `minimum`: fitted on accurate simulators. `bench`: the cheapest that are tried, then such as cost twice
+    as much, and twice as much again. `worth`: so much higher may its chi-square be.
     """
     while problem.bench.cost > _SAME * bench.cost:
         longer = bench.finer(1 / _FARTHER)
@@ -146,17 +131,8 @@ def affordable_bench(
 ) -> Bench | None:
     """Return simulators of another base, on as many more steps than a bench as these ask for, up to a limit.
 
-    Parameters
-    ----------
-    model, effects, experiments, units, values, tolerance
-        As for `discovery.estimation.step.choose_step`.
-    like : Bench
-        Of the base that is known.
-
-    Returns
-    -------
-    Bench or None
-        None where no step that is tried reaches the tolerance.
+    `model`, `effects`, `experiments`, `units`, `values`, `tolerance`: as for `discovery.estimation.step.choose_step`.
+    `like`: of the base that is known. Returned: None where no step that is tried reaches the tolerance.
     """
     shortest = like.seen[0] / min(_MOST_STEPS, _MORE * like.cost)
     try:
@@ -179,15 +155,8 @@ def unequal_bench(
     A violent moment of an arm asks for short steps where it is, the rest of a recording for steps that are stable. The
     steps of other systems cost little, and their input asks for short ones everywhere.
 
-    Parameters
-    ----------
-    model, effects, experiments, units, values, tolerance
-        As for `discovery.estimation.step.choose_step`.
-
-    Raises
-    ------
-    ComputationError
-        If no step reaches the tolerance.
+    `model`, `effects`, `experiments`, `units`, `values`, `tolerance`: as for `discovery.estimation.step.choose_step`.
+    Raises ComputationError if no step reaches the tolerance.
     """
     step = choose_step(model, experiments, units, values, tolerance, effects)
     probe = Probe.of(model, effects, units, values)
@@ -214,21 +183,11 @@ def unequal_bench(
 
 @dataclass(frozen=True)
 class _Parts:
-    """What each part of some recordings adds to the error of their readings.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        The recordings.
-    edges : list of ndarray, shape (parts + 1,)
-        Where the parts of each begin and end [s].
-    errors : ndarray, shape (parts of all,)
-        Error of a part on steps of some length, per second.
-    """
+    """What each part of some recordings adds to the error of their readings."""
 
     experiments: Sequence[Experiment]
-    edges: list[FloatArray]
-    errors: FloatArray
+    edges: list[FloatArray]  # each (parts + 1,), where the parts of each begin and end [s]
+    errors: FloatArray  # (parts of all,), error of a part on steps of some length, per second
 
     def shares(self, equal: float) -> FloatArray:
         """Return the lengths of steps in every part, as shares of the longest, that err as much as equal ones.

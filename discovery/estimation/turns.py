@@ -24,10 +24,7 @@ def turns_back(experiments: Sequence[Experiment]) -> bool:
     Where it does not, a memory of the way cannot be told from a law of the place. It is taken to do so where the
     readings do not show the motion of what effects act on: several coordinates, a moved base, an acceleration.
 
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Recordings of one system.
+    `experiments`: recordings of one system.
     """
     first = experiments[0]
     base = None if first.rig.system is None else system_base(first.rig.system)
