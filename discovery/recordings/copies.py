@@ -89,10 +89,8 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
     Found are stretches that both have, row by row, and recordings of which one is a part of the other with rows left
     out, as every second one, its times shifted or not; also where less was added to a stretch than its own noise.
 
-    Returns
-    -------
-    int or None
-        Counted from 0 among the samples of the second; None where they share nothing that chance would not repeat.
+    Returned: counted from 0 among the samples of the second; None where they share nothing that chance would not
+    repeat.
     """
     # To seven digits: a file may have been written again.
     seen, judged = (r.output.astype(np.float32) for r in (first, second))

@@ -69,7 +69,7 @@ def band_noise(
     the motion and falls beyond the filter's cut-off. Such a plateau is taken for noise where it spans two octaves,
     stands above the scatter from one reading to the next, is small against the motion, has one size throughout the
     recording, is Gaussian, and lies where the input, if there is one, moves nothing. Impacts and friction are none:
-    they come at times. Errors of rounding are left to `discovery.recordings.reading_noise.lasting_rounding`. Nothing is
+    they come at times. Errors of rounding are left to `lasting_rounding`. Nothing is
     found at times [s] that are not steady.
     """
     if np.mean(np.isfinite(values)) < 1.0 - _MISSING or gaps(time).any():

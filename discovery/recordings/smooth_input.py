@@ -38,10 +38,7 @@ def build_drive(recording: Recording, rig: Rig) -> Drive | None:
     band limited, by a cubic spline (``"auto"`` too, until `discovery.estimation.input_choice` has chosen), linearly or
     held.
 
-    Raises
-    ------
-    InputError
-        If a band-limited input is not equally sampled.
+    Raises InputError if a band-limited input is not equally sampled.
     """
     if recording.input is None or rig.columns.input is None:
         return None
