@@ -47,31 +47,20 @@ _CREDIBLE = 3.0
 
 @dataclass(frozen=True)
 class Caution:
-    """One reason not to believe an answer.
+    """One reason not to believe an answer."""
 
-    Parameters
-    ----------
-    code : str
-        "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
-        "missed" (the hold-out), and of what is left "burst" (where it lies in time), "like_noise" (of the instrument),
-        "not_carried", "scattered".
-    about : str
-        The parameter, or the recording of a burst; empty where it is about the whole answer.
-    effect : str
-        The effect that was added with the parameter; empty otherwise.
-    numbers : mapping
-        Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
-        `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst
-        `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like noise
-        `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training (`train`)
-        and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise is
-        `estimated`, the `memory` of the errors (see `estimation.residual.memory`) and whether it counts as none
-        (`white`).
-    """
-
+    #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
+    #: "missed" (the hold-out), and of what is left "burst" (where it lies in time), "like_noise" (of the instrument),
+    #: "not_carried", "scattered".
     code: str
-    about: str = ""
-    effect: str = ""
+    about: str = ""  # the parameter, or the recording of a burst; empty where it is about the whole answer
+    effect: str = ""  # the effect that was added with the parameter; empty otherwise
+    #: Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
+    #: `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst `start`,
+    #: `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like noise `ratio` and
+    #: `autocorrelation`; of what is not carried by how many times the error falls in training (`train`) and held out
+    #: (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise is `estimated`, the
+    #: `memory` of the errors (see `estimation.residual.memory`) and whether it counts as none (`white`).
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
@@ -219,29 +208,17 @@ def scattered(errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatAr
 
 @dataclass(frozen=True)
 class StandIn:
-    """An effect whose only parameter reads like a relative error of a quantity of the rig file.
+    """An effect whose only parameter reads like a relative error of a quantity of the rig file."""
 
-    Parameters
-    ----------
-    effect, parameter : str
-        Its id, and the name of its parameter.
-    quantity : str
-        Key of the rig file without its unit.
-    share : float
-        The parameter.
-    stated, sd : float
-        What the rig file says of the quantity [SI].
-    unit : str
-        Their unit.
-    """
-
+    #: effect, parameter: its id, and the name of its parameter.
     effect: str
     parameter: str
-    quantity: str
-    share: float
+    quantity: str  # key of the rig file without its unit
+    share: float  # the parameter
+    #: stated, sd: what the rig file says of the quantity [SI].
     stated: float
     sd: float
-    unit: str
+    unit: str  # their unit
 
     @property
     def value(self) -> float:

@@ -41,37 +41,20 @@ _LARGE = 1e9
 
 @dataclass(frozen=True)
 class LatentForce:
-    """The missing force in one recording.
+    """The missing force in one recording."""
 
-    Parameters
-    ----------
-    name : str
-        Of the recording.
-    time : ndarray, shape (n,)
-        Times [s], `FINE` in every spacing of the knots.
-    mean, sd : ndarray, shape (n,)
-        The force and its standard deviation, per unit inertia [s^-2 q].
-    variables : mapping of str to ndarray, shape (n,)
-        What it may depend on, along the motion that follows the recording; see `SlowModel.variables`.
-    equivalent : mapping of str to ndarray, shape (n,)
-        For every fitted parameter, the force that imitates a change of it by one unit.
-    memory : float
-        Correlation time of the process, by maximum likelihood [s].
-    gain : float
-        Twice the logarithm of the likelihood ratio of this force against none.
-    rms : tuple of float
-        Residual of the free run in noise sds, without and with the force.
-    """
-
-    name: str
-    time: FloatArray
+    name: str  # of the recording
+    time: FloatArray  # (n,), times [s], `FINE` in every spacing of the knots
+    #: mean, sd (n,): the force and its standard deviation, per unit inertia [s^-2 q].
     mean: FloatArray
     sd: FloatArray
+    #: each (n,): what it may depend on, along the motion that follows the recording; see `SlowModel.variables`.
     variables: Mapping[str, FloatArray]
+    #: each (n,): for every fitted parameter, the force that imitates a change of it by one unit.
     equivalent: Mapping[str, FloatArray]
-    memory: float
-    gain: float
-    rms: tuple[float, float]
+    memory: float  # correlation time of the process, by maximum likelihood [s]
+    gain: float  # twice the logarithm of the likelihood ratio of this force against none
+    rms: tuple[float, float]  # residual of the free run in noise sds, without and with the force
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description, without the arrays."""
@@ -165,10 +148,7 @@ def _likeliest(newton: Newton, spacing: float, period: float, name: str) -> tupl
 def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     """Return the force that makes a fitted model, its parameters held, follow one of its recordings.
 
-    Raises
-    ------
-    ComputationError
-        If no motion beside the fitted run is found.
+    Raises ComputationError if no motion beside the fitted run is found.
     """
     problem = fit.problem
     period = 2 * np.pi * problem.units.time
@@ -277,10 +257,7 @@ class Newton:
 def close(chain: Chain, law: Law | None) -> FloatArray:
     """Return what the instrument reports of a free run under a law (n, c), the initial state fitted.
 
-    Raises
-    ------
-    ComputationError
-        If Newton's method does not close the chain, even where the law grows by quarters.
+    Raises ComputationError if Newton's method does not close the chain, even where the law grows by quarters.
     """
     newton = Newton(chain, np.zeros((chain.time.size, 0)), law)
     if newton.settle():

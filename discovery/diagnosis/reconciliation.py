@@ -36,31 +36,17 @@ _SIZES, _BEGUN = np.geomspace(0.03, 30.0, 60), 2
 
 @dataclass(frozen=True)
 class Reconciliation:
-    """One effect that was given the chance to reconcile a parameter with its prediction.
+    """One effect that was given the chance to reconcile a parameter with its prediction."""
 
-    Parameters
-    ----------
-    effect : str
-        Id.
-    parameters : mapping of str to (value, sd)
-        Of the effect.
-    value, z : float
-        Of the contradicting parameter with the effect in the model, and its distance from the prediction in sds.
-    chi2 : float
-        Of the recordings and the rig.
-    odds : float
-        Log odds of the effect against an error of the rig file [nats].
-    reconciles : bool
-        Whether an error of the rig file is not likelier by what decides, nor is another effect.
-    """
-
-    effect: str
-    parameters: Mapping[str, tuple[float, float]]
+    effect: str  # id
+    parameters: Mapping[str, tuple[float, float]]  # of the effect
+    #: value, z: of the contradicting parameter with the effect in the model, and its distance from the prediction in
+    #: sds.
     value: float
     z: float
-    chi2: float
-    odds: float
-    reconciles: bool
+    chi2: float  # of the recordings and the rig
+    odds: float  # log odds of the effect against an error of the rig file [nats]
+    reconciles: bool  # whether an error of the rig file is not likelier by what decides, nor is another effect
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
@@ -88,10 +74,7 @@ def reconcile(
 ) -> tuple[Reconciliation, ...]:
     """Try effects that could reconcile a fitted parameter, free of its prediction, with the predicted mean and sd.
 
-    Returns
-    -------
-    tuple of Reconciliation
-        Those that reconcile first, the simplest ahead where the evidence decides nothing. Empty where none could.
+    Returned: those that reconcile first, the simplest ahead where the evidence decides nothing. Empty where none could.
     """
     if not candidates:
         return ()

@@ -113,14 +113,9 @@ class _Rival:
 class Trial:
     """Rivals, fitted to the same recordings, on trial manoeuvres of some duration [s].
 
-    Attributes
-    ----------
-    angle : float
-        Where the input starts, as in the given recording: the hub [rad], or u; zero without one.
-    gap, count : float, int
-        Interval of the samples of the recording to be made, that of the given one [s], and their number.
-    time : ndarray
-        Times at which rivals are compared [s].
+    `angle`: where the input starts, as in the given recording: the hub [rad], or u; zero without one. `gap`, `count`:
+    interval of the samples of the recording to be made, that of the given one [s], and their number. `time`: times at
+    which rivals are compared [s].
     """
 
     def __init__(self, fits: Sequence[Fit], duration: float) -> None:
