@@ -94,12 +94,8 @@ def rod_masses(weights: FloatArray, nodes: int, *, rooted: bool = False) -> Floa
 def end_residual(weights: FloatArray) -> tuple[float, float]:
     """Return how a moment at the end bends the rod beyond what the shapes can show.
 
-    Returns
-    -------
-    compliance : float
-        Turn of the end beyond that of the shapes, over that of a rod under this moment, l / EI.
-    inertia : float
-        Integral of the squared deflection of that bending, per squared turn of the end and per length.
+    Returned: `compliance`: turn of the end beyond that of the shapes, over that of a rod under this moment, l / EI;
+    `inertia`: integral of the squared deflection of that bending, per squared turn of the end and per length.
     """
     s, w, cumulative = quadrature(RICH + 4)
     bends, ends = weights @ curvatures(s), weights.sum(axis=1)
@@ -146,11 +142,8 @@ def static_shapes(weights: FloatArray, deflections: FloatArray) -> FloatArray:
 def reduced_shapes(count: int) -> FloatArray:
     """Return the weights (count, RICH) of the shapes that matter most, in polynomials.
 
-    Parameters
-    ----------
-    count : int
-        2: the static shape and the second bending mode; 3: the large-deflection correction as well; 4: and the third
-        bending mode.
+    `count`: 2: the static shape and the second bending mode; 3: the large-deflection correction as well; 4: and the
+    third bending mode.
     """
     everything = np.eye(RICH)
     bending = bending_matrix(everything)

@@ -24,10 +24,7 @@ _WHOLE = ("drive", "sensor")
 def declare(declaration: SystemDeclaration) -> str:
     """Make a system known, and return the name of its base, for `discovery.equations.model.Model`.
 
-    Raises
-    ------
-    InputError
-        Where a text of it cannot be read, units do not fit, or a coordinate has no inertia: with the key.
+    Raises InputError where a text of it cannot be read, units do not fit, or a coordinate has no inertia: with the key.
     """
     if declaration.identity not in _DECLARED:
         equations = read_equations(declaration)
@@ -82,10 +79,7 @@ def _check(base: DeclaredBase) -> None:
 def check_place(base: Base, effect: Effect) -> None:
     """Refuse a force without a place where a system has several, and one at a place that it has not.
 
-    Raises
-    ------
-    InputError
-        With the ids that fit.
+    Raises InputError with the ids that fit.
     """
     places, name = base.places(), effect.id()
     if effect.place and effect.place not in places:
