@@ -20,16 +20,8 @@ def classical_step(program: Program, grid: Grid, motion: FloatArray, parameters:
 
     Infinite where nothing forgets faster than it moves, see `discovery.simulation.kernel.forgetting`.
 
-    Parameters
-    ----------
-    program : Program
-        What moves.
-    grid : Grid
-        The steps of the motion.
-    motion : ndarray, shape (steps, 4 states)
-        From `discovery.simulation.simulate.Simulator.motion`.
-    parameters : ndarray, shape (p,)
-        In the order of the program.
+    `program`: what moves. `grid`: the steps of the motion. `motion` (steps, 4 states): from
+    `discovery.simulation.simulate.Simulator.motion`. `parameters` (p,): in the order of the program.
     """
     states = motion[:, : len(program.states)].T
     # The memory of an effect that is absent rests.

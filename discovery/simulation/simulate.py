@@ -37,22 +37,13 @@ _LIMIT = 1e9
 
 @dataclass(frozen=True)
 class Batch:
-    """Parameter sets made ready for the kernel: in whole blocks of lanes, those with the same effects side by side.
+    """Parameter sets made ready for the kernel: in whole blocks of lanes, those with the same effects side by side."""
 
-    Parameters
-    ----------
-    parameters, initial : ndarray, shapes (p, blocks * lanes), (states, blocks * lanes)
-        What the kernel takes.
-    order : ndarray, shape (k,)
-        Which set each column holds; idle lanes at the end repeat the last one.
-    lanes : int
-        Parameter sets in one block.
-    """
-
+    #: parameters, initial (p, blocks * lanes), (states, blocks * lanes): what the kernel takes.
     parameters: FloatArray
     initial: FloatArray
-    order: IntArray
-    lanes: int
+    order: IntArray  # (k,), which set each column holds; idle lanes at the end repeat the last one
+    lanes: int  # parameter sets in one block
 
     @property
     def blocks(self) -> int:
@@ -73,17 +64,10 @@ class Batch:
 
 @dataclass(frozen=True)
 class Misses:
-    """What readings are compared with: weight * (channel - target) at every output time.
+    """What readings are compared with: weight * (channel - target) at every output time."""
 
-    Parameters
-    ----------
-    channel : int
-        0: the readings themselves; 1: the angle of the tip; 2: its distance from the axis of the hub.
-    target, weight : ndarray, shape (m, c)
-        Of every output time and channel.
-    """
-
-    channel: int
+    channel: int  # 0: the readings themselves; 1: the angle of the tip; 2: its distance from the axis of the hub
+    #: target, weight (m, c): of every output time and channel.
     target: FloatArray
     weight: FloatArray
 
@@ -91,22 +75,9 @@ class Misses:
 class Simulator:
     """Simulates a base with a set of effects on one input, many parameter sets at once.
 
-    Parameters
-    ----------
-    base : str
-        Name of the base.
-    effects : sequence of str
-        Effect ids; an effect whose parameters are at their defaults is absent.
-    time : ndarray, shape (m,)
-        Output times [s], increasing, possibly irregular.
-    drive : DriveLike or None
-        Smooth input.
-    step : float
-        Longest step [s].
-    method : Method
-        Of the steps, where it suits the terms: `kernel.method` says.
-    pace : Pace, optional
-        Where steps are shorter.
+    `base`: name of the base. `effects`: effect ids; an effect whose parameters are at their defaults is absent. `time`
+    (m,): output times [s], increasing, possibly irregular. `drive`: smooth input. `step`: longest step [s]. `method`:
+    of the steps, where it suits the terms: `kernel.method` says. `pace`: where steps are shorter.
     """
 
     def __init__(
@@ -148,18 +119,9 @@ class Simulator:
     def __call__(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> FloatArray:
         """Simulate.
 
-        Parameters
-        ----------
-        parameters : ndarray, shape (p, k)
-            Rows in the order of `names`; columns are parameter sets.
-        deflection, rate : ndarray, shape (k,)
-            Initial deflection [q] and its rate [q/s].
-
-        Returns
-        -------
-        ndarray, shape (m, r, k)
-            What the instrument reports at the output times; not finite where the motion blew up
-            (`check_finite` turns that into an error with parameters and time).
+        `parameters` (p, k): rows in the order of `names`; columns are parameter sets. `deflection`, `rate` (k,):
+        initial deflection [q] and its rate [q/s]. Returned (m, r, k): what the instrument reports at the output times;
+        not finite where the motion blew up (`check_finite` turns that into an error with parameters and time).
         """
         return simulated([self.asked(parameters, deflection, rate)])[0][0]
 
@@ -252,18 +214,9 @@ Asked = tuple[Simulator, Batch, Misses, FloatArray | None]
 def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[FloatArray, FloatArray]]:
     """Simulate on several recordings, blocks of all of them side by side.
 
-    Parameters
-    ----------
-    asked : sequence of Asked
-        One a recording.
-    stored : bool
-        Whether the misses are wanted, or their sums only.
-
-    Returns
-    -------
-    list of (ndarray, ndarray)
-        Of each: misses, shape (m, c, k), with no column where they are not stored; the sum of squares of every channel
-        and the largest magnitude, shape (c + 1, k).
+    `asked`: one a recording. `stored`: whether the misses are wanted, or their sums only. Returned: of each: misses,
+    shape (m, c, k), with no column where they are not stored; the sum of squares of every channel and the largest
+    magnitude, shape (c + 1, k).
     """
     found, jobs = [], []
     for i, (_, batch, misses, _) in enumerate(asked):
@@ -290,10 +243,7 @@ def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[Floa
 def check_finite(out: FloatArray, time: FloatArray, names: Sequence[str], parameters: FloatArray) -> None:
     """Raise if any trajectory blew up.
 
-    Raises
-    ------
-    SimulationFailure
-        With the parameters of the first set that failed and the time.
+    Raises SimulationFailure with the parameters of the first set that failed and the time.
     """
     with np.errstate(invalid="ignore"):
         good: BoolArray = np.all(np.abs(out) < _LIMIT, axis=1)

@@ -104,18 +104,9 @@ def staged_step(
 ) -> str:
     """Return a function that takes one step from states S with slopes K, kept as Y and F, to the next.
 
-    Parameters
-    ----------
-    over : callable
-        Returns the lines of a loop over some places, of its body.
-    lanes : int
-        Parameter sets in one block.
-    rows : mapping of str to int
-        First row of each label.
-    awake : sequence of str
-        The condition under which each state moves.
-    forgetting : sequence of bool
-        Whether it forgets fast, see `discovery.simulation.kernel.forgetting`.
+    `over`: returns the lines of a loop over some places, of its body. `lanes`: parameter sets in one block. `rows`:
+    first row of each label. `awake`: the condition under which each state moves. `forgetting`: whether it forgets fast,
+    see `discovery.simulation.kernel.forgetting`.
     """
     runs = [(key, [*run]) for key, run in groupby(range(len(awake)), key=lambda k: (awake[k], forgetting[k]))]
 

@@ -139,16 +139,9 @@ def kernel_source(
 ) -> str:
     """Return the text of a kernel's module.
 
-    Parameters
-    ----------
-    program : Program
-        What it computes.
-    lanes : int
-        Parameter sets in one block.
-    switches : mapping of str to sequence of str
-        Effects that can be absent, each with its amplitudes.
-    method : Method
-        Steps are taken by it where a step is one short loop of smooth terms, by the classical one elsewhere.
+    `program`: what it computes. `lanes`: parameter sets in one block. `switches`: effects that can be absent, each with
+    its amplitudes. `method`: steps are taken by it where a step is one short loop of smooth terms, by the classical one
+    elsewhere.
     """
     n_q, states = program.n_coordinates, [y.name for y in program.states]
     rates = {z.name: _rate(z).name for z, _ in program.relaxation}
