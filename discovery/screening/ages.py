@@ -33,12 +33,7 @@ def ages_only(bench: Bench, settings: Sequence[Mapping[str, float]]) -> BoolArra
     None does so where readings pass a filter, which makes no product of an age that changes, or where an accelerometer
     reads the input, which may jump.
 
-    Parameters
-    ----------
-    bench : Bench
-        Its simulators know every effect.
-    settings : sequence of mapping
-        Parameters that change.
+    `bench`: its simulators know every effect. `settings`: parameters that change.
     """
     program = bench.simulators[0].kernel.program
     if _delay(program) is None or any(e.rig.view is not None or e.reads_acceleration for e in bench.experiments):
@@ -49,14 +44,8 @@ def ages_only(bench: Bench, settings: Sequence[Mapping[str, float]]) -> BoolArra
 def per_age(bench: Bench, fitted: tuple[FloatArray, FloatArray], motions: Sequence[FloatArray]) -> FloatArray:
     """Return how fast a residual changes as what is read grows older, shape (n, 1) [1/s].
 
-    Parameters
-    ----------
-    bench : Bench
-        Of the recordings.
-    fitted : (ndarray, ndarray)
-        Kernel parameters (p, 1) and initial states (experiments, 2, 1).
-    motions : sequence of ndarray
-        How these move.
+    `bench`: of the recordings. `fitted`: kernel parameters (p, 1) and initial states (experiments, 2, 1). `motions`:
+    how these move.
     """
     parameters, initial = fitted
     difference = _DIFFERENCE * bench.shortest
@@ -71,12 +60,7 @@ def per_age(bench: Bench, fitted: tuple[FloatArray, FloatArray], motions: Sequen
 def ages_of(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.float32]:
     """Return how much older effects that were absent make each reading [s], shape (n, sets).
 
-    Parameters
-    ----------
-    bench : Bench
-        Of the recordings.
-    settings : sequence of mapping
-        Parameters of such effects, see `ages_only`.
+    `bench`: of the recordings. `settings`: parameters of such effects, see `ages_only`.
     """
     known = _KNOWN.get(bench)
     if known is None or known[0] != settings:

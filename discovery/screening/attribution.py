@@ -48,24 +48,14 @@ _TIE = 1e-9
 
 @dataclass(frozen=True)
 class Shapes:
-    """What the shapes of an effect on its grid could do to a residual, to first order.
+    """What the shapes of an effect on its grid could do to a residual, to first order."""
 
-    Parameters
-    ----------
-    responses : ndarray of float32, shape (u, n)
-        Of amplitudes, what the fitted parameters leave of them; shapes may share some.
-    rows : ndarray, shape (t, k)
-        Which of them belong to each shape.
-    transform : ndarray, shape (t, k, k)
-        Makes an orthonormal basis of these, see `discovery.screening.bounded_gain.bounded_gains`.
-    gains : ndarray, shape (t,)
-        Chi-square that each removes within its bounds.
-    """
-
+    #: (u, n): of amplitudes, what the fitted parameters leave of them; shapes may share some.
     responses: NDArray[np.float32]
-    rows: IntArray
+    rows: IntArray  # (t, k), which of them belong to each shape
+    #: (t, k, k): makes an orthonormal basis of these, see `discovery.screening.bounded_gain.bounded_gains`.
     transform: FloatArray
-    gains: FloatArray
+    gains: FloatArray  # (t,), chi-square that each removes within its bounds
 
     def bases(self, shapes: IntArray) -> NDArray[np.float32]:
         """Return the orthonormal directions of some shapes, shape (shapes, k, n)."""
@@ -87,30 +77,16 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a refit may begin.
+    """Where a refit may begin."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (f,)
-        Of what a refit estimates.
-    sizes : ndarray, shape (k,)
-        Which of them are amplitudes.
-    responses : Responses
-        Of amplitudes.
-    rows, simulated : ndarray, shape (k,), or (k * recordings,)
-        Which responses are those of this start, and to what amplitudes.
-    effect : str
-        Id.
-    own : ndarray, shape (recordings,)
-        What each recording has of its own; empty where the effect has nothing of the kind.
-    """
-
-    values: FloatArray
-    sizes: IntArray
-    responses: Responses
+    values: FloatArray  # (f,), of what a refit estimates
+    sizes: IntArray  # (k,), which of them are amplitudes
+    responses: Responses  # of amplitudes
+    #: rows, simulated (k,): which responses are those of this start, and to what amplitudes.
     rows: IntArray
     simulated: FloatArray
-    effect: str
+    effect: str  # id
+    #: (recordings,): what each recording has of its own; empty where the effect has nothing of the kind.
     own: FloatArray = field(kw_only=True)
 
     def columns(self) -> FloatArray:
@@ -135,27 +111,14 @@ class Start:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate effect with its linear score.
+    """One candidate effect with its linear score."""
 
-    Parameters
-    ----------
-    effect : str
-        Id.
-    score : float
-        Chi-square that its linear sensitivity removes, fitted parameters re-adjusted.
-    starts : tuple of Start
-        The best ones of a refit.
-    sensitivity : ndarray, shape (n, k)
-        Orthonormal directions of the best start, orthogonal to what fitted parameters absorb.
-    shapes : Shapes
-        Every shape on the grid.
-    """
-
-    effect: str
-    score: float
-    starts: tuple[Start, ...]
+    effect: str  # id
+    score: float  # chi-square that its linear sensitivity removes, fitted parameters re-adjusted
+    starts: tuple[Start, ...]  # the best ones of a refit
+    #: (n, k): orthonormal directions of the best start, orthogonal to what fitted parameters absorb.
     sensitivity: FloatArray
-    shapes: Shapes
+    shapes: Shapes  # every shape on the grid
 
 
 def _sizes(parameter: Parameter) -> list[float]:
@@ -192,23 +155,9 @@ def screen(
 ) -> list[Candidate]:
     """Score candidate effects by their sensitivities around a fitted model, all in one batched simulation.
 
-    Parameters
-    ----------
-    model : Model
-        The fitted model.
-    minimum : Minimum
-        Its minimum on `problem`.
-    problem : Problem
-        Its bench must contain every candidate.
-    names : sequence of str
-        Candidate effect ids.
-    keep : int
-        Number of starts kept for each, at most; three times as many for effects with many shapes.
-
-    Returns
-    -------
-    list of Candidate
-        Highest score first.
+    `model`: the fitted model. `minimum`: its minimum on `problem`. `problem`: its bench must contain every candidate.
+    `names`: candidate effect ids. `keep`: number of starts kept for each, at most; three times as many for effects with
+    many shapes. Returned: highest score first.
     """
     bench, units, system = problem.bench, problem.units, model.mechanics.system
     grids, settings = _planned(tuple(get_effect(name) for name in names), system, units, len(bench.experiments))

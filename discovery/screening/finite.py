@@ -49,17 +49,8 @@ _STEP = 1e-4
 def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[FarStart]:
     """Return starts of refits with what goes with each: all that is fitted for laws of many shapes, else `alpha`.
 
-    Parameters
-    ----------
-    minimum, problem : Minimum, Problem
-        The fit so far.
-    names : sequence of str
-        Candidate effects.
-
-    Returns
-    -------
-    list of FarStart
-        At most two for each effect of few shapes, the best sizes by chi-square; of others see `along`.
+    `minimum`, `problem`: the fit so far. `names`: candidate effects. Returned: at most two for each effect of few
+    shapes, the best sizes by chi-square; of others see `along`.
     """
     system = problem.model.mechanics.system
     own = [get_effect(name) for name in names if get_effect(name).kind in _KINDS]
@@ -124,18 +115,8 @@ def starts_along(
 ) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
     """Return starts of refits at the shapes that explain best which force the recorded motion lacks.
 
-    Parameters
-    ----------
-    minimum, problem : Minimum, Problem
-        The fit so far.
-    grids : mapping of str to sequence of mappings
-        The shapes of each candidate effect.
-
-    Returns
-    -------
-    list of (str, ndarray, mapping)
-        Effect, its values, and those of all else that is fitted; none where the reading is not that of the only
-        coordinate or of its rate.
+    `minimum`, `problem`: the fit so far. `grids`: the shapes of each candidate effect. Returned: effect, its values,
+    and those of all else that is fitted; none where the reading is not that of the only coordinate or of its rate.
     """
     order = _read(problem) if grids else None
     if order is None:

@@ -19,14 +19,7 @@ from discovery.screening.refits import Refit
 def likely_pairs(scored: Sequence[Candidate], target: FloatArray, keep: int) -> list[tuple[Candidate, Candidate]]:
     """Return the pairs of candidates whose best sensitivities together remove most of a residual, to first order.
 
-    Parameters
-    ----------
-    scored : sequence of Candidate
-        From `screen`.
-    target : ndarray, shape (n,)
-        The residual around which they were screened.
-    keep : int
-        Number of pairs.
+    `scored`: from `screen`. `target` (n,): the residual around which they were screened. `keep`: number of pairs.
     """
     bases = [c.sensitivity for c in scored]
     edges = np.cumsum([0, *(b.shape[1] for b in bases)])
@@ -57,12 +50,7 @@ def reduced(fitted: Refit, effect: str) -> list[Refit]:
     A refit of the simpler law by itself may have ended in another minimum: a dry friction whose creep speed is not yet
     known leaves a rough path.
 
-    Parameters
-    ----------
-    fitted : Refit
-        With the larger law.
-    effect : str
-        The larger law.
+    `fitted`: with the larger law. `effect`: the larger law.
     """
     laws = sorted(get_effect(effect).reduces_to - {*fitted.problem.model.effects})
     return [_with(fitted, effect, law) for law in laws]

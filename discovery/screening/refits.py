@@ -83,21 +83,9 @@ def refit(
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
-    Parameters
-    ----------
-    model, minimum, problem : Model, Minimum, Problem
-        The fit so far.
-    shortlist : sequence of Candidate
-        From `discovery.screening.attribution.screen`.
-    finite : sequence of FarStart
-        More starts, see `discovery.screening.finite.finite_starts`.
-    thorough : bool
-        Finish every effect with a differenced Jacobian, however far behind: a quick search may stall where it begins.
-
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first.
+    `model`, `minimum`, `problem`: the fit so far. `shortlist`: from `discovery.screening.attribution.screen`. `finite`:
+    more starts, see `discovery.screening.finite.finite_starts`. `thorough`: finish every effect with a differenced
+    Jacobian, however far behind: a quick search may stall where it begins. Returned: smallest chi-square first.
     """
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), s.values, s.columns(), None, (s,)) for c in shortlist for s in c.starts]
@@ -110,10 +98,7 @@ def refit_pairs(
 ) -> list[Refit]:
     """Refit the model with two candidates added at once, from their joint linear solution.
 
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first; `effect` is the second one.
+    Returned: smallest chi-square first; `effect` is the second one.
     """
     rows = problem.bench.n_rows
     known, _ = np.linalg.qr(minimum.jacobian[:rows])
@@ -220,19 +205,9 @@ def _raced(
 def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh: bool = False) -> list[Refit]:
     """Refit with what the rig knows free again: a missing effect may have pushed it off what the rig states.
 
-    Parameters
-    ----------
-    problem, minimum : Problem, Minimum
-        The fit so far, with what the rig knows free.
-    quick : sequence of Refit
-        Refits with it held.
-    afresh : bool
-        Begin from the declared guesses as well: without its effects a fit may have gone far astray.
-
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first.
+    `problem`, `minimum`: the fit so far, with what the rig knows free. `quick`: refits with it held. `afresh`: begin
+    from the declared guesses as well: without its effects a fit may have gone far astray. Returned: smallest chi-square
+    first.
     """
     nuisance = [n for n in problem.gaussian if n in problem.free]
     fitted = problem.named(minimum.x)
@@ -257,12 +232,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh
 def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     """Return a refit without some of its effects, fitted again.
 
-    Parameters
-    ----------
-    fitted : Refit
-        With them.
-    dropped : sequence of str
-        Effects.
+    `fitted`: with them. `dropped`: effects.
     """
     problem = fitted.problem
     smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)

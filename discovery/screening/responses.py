@@ -23,24 +23,13 @@ from discovery.screening.ages import ages_of, ages_only, per_age
 
 @dataclass(frozen=True)
 class Grid:
-    """Finite values of one effect, and where each of its amplitudes lies among all parameter sets to be simulated.
+    """Finite values of one effect, and where each of its amplitudes lies among all parameter sets to be simulated."""
 
-    Parameters
-    ----------
-    fitted : tuple of Parameter
-        What a refit estimates.
-    values : ndarray, shape (t, f)
-        Grid, a column for each of `fitted`.
-    sizes : ndarray, shape (k,)
-        Which of them are amplitudes.
-    rows : ndarray, shape (t, k), or (t, k * recordings)
-        Which response is that of each amplitude, the others absent; where recordings have values of their own, of each
-        amplitude in each recording.
-    """
-
-    fitted: tuple[Parameter, ...]
-    values: FloatArray
-    sizes: IntArray
+    fitted: tuple[Parameter, ...]  # what a refit estimates
+    values: FloatArray  # (t, f), grid, a column for each of `fitted`
+    sizes: IntArray  # (k,), which of them are amplitudes
+    #: (t, k): which response is that of each amplitude, the others absent; where recordings have values of their own,
+    #: of each amplitude in each recording.
     rows: IntArray
 
 
@@ -65,21 +54,11 @@ def _shapes_of(effect: Effect, system: str, amplitude: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Responses:
-    """How parameter sets move the residual, split by what the fitted parameters absorb.
+    """How parameter sets move the residual, split by what the fitted parameters absorb."""
 
-    Parameters
-    ----------
-    known : ndarray, shape (n, p)
-        Orthonormal basis of what they absorb.
-    left : ndarray of float32, shape (k, n)
-        What they leave of each response.
-    taken : ndarray, shape (k, p)
-        What they take, in the basis.
-    """
-
-    known: FloatArray
-    left: NDArray[np.float32]
-    taken: FloatArray
+    known: FloatArray  # (n, p), orthonormal basis of what they absorb
+    left: NDArray[np.float32]  # (k, n), what they leave of each response
+    taken: FloatArray  # (k, p), what they take, in the basis
 
     def moved(self, rows: IntArray) -> FloatArray:
         """Return whole responses, shape (n, rows)."""
@@ -91,14 +70,8 @@ def plan(
 ) -> tuple[dict[str, Grid], list[dict[str, float]]]:
     """Return the grid of every effect, and in what each parameter set to be simulated differs from the fit.
 
-    Parameters
-    ----------
-    grids : mapping of str to sequence of mapping
-        Finite values of each effect, in the problem's units.
-    system : str
-        Kind of the system.
-    recordings : int
-        Their number. An amplitude of an effect of which each has its own value is told apart in each of them.
+    `grids`: finite values of each effect, in the problem's units. `system`: kind of the system. `recordings`: their
+    number. An amplitude of an effect of which each has its own value is told apart in each of them.
     """
     count = 0
     found: dict[str, Grid] = {}
@@ -137,20 +110,9 @@ def respond(
     instrument alone does is read of one motion, and where it is only late, known to first order, see
     `discovery.screening.ages`.
 
-    Parameters
-    ----------
-    pool : ThreadPoolExecutor
-        Threads among which the blocks are shared.
-    bench : Bench
-        Its simulators know every effect.
-    fitted : (ndarray, ndarray)
-        Kernel parameters (p, 1) and initial states (experiments, 2, 1) of the fit.
-    settings : sequence of mapping
-        In what each set differs from the fit.
-    reference : ndarray, shape (n,)
-        Residual of the fit.
-    known : ndarray, shape (n, p)
-        Orthonormal basis of what the fitted parameters absorb.
+    `pool`: threads among which the blocks are shared. `bench`: its simulators know every effect. `fitted`: kernel
+    parameters (p, 1) and initial states (experiments, 2, 1) of the fit. `settings`: in what each set differs from the
+    fit. `reference` (n,): residual of the fit. `known` (n, p): orthonormal basis of what the fitted parameters absorb.
     """
     base, initial = fitted
     sets = _sets(bench, base, settings)

@@ -36,21 +36,9 @@ def _grams(vectors, rows, target, gram, push):
 def grams(vectors: NDArray[np.float32], rows: IntArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the scalar products within groups of vectors, and with a target, in double precision.
 
-    Parameters
-    ----------
-    vectors : ndarray of float32, shape (u, n)
-        All vectors.
-    rows : ndarray, shape (t, k)
-        Which of them make each group; groups may share some.
-    target : ndarray, shape (n,)
-        What they are compared with.
-
-    Returns
-    -------
-    gram : ndarray, shape (t, k, k)
-        Products of the vectors of each group with each other.
-    push : ndarray, shape (t, k)
-        Products with the target.
+    `vectors` (u, n): all vectors. `rows` (t, k): which of them make each group; groups may share some. `target` (n,):
+    what they are compared with. Returned: `gram` (t, k, k): products of the vectors of each group with each other;
+    `push` (t, k): products with the target.
     """
     count, k = rows.shape
     gram, push = np.empty((count, k, k)), np.empty((count, k))
