@@ -32,17 +32,8 @@ def suffix_unit(suffix: str) -> str:
 def split_suffix(name: str, stems: Mapping[str, str] | Iterable[str]) -> tuple[str, str] | None:
     """Split a name such as ``tip_x_mm`` into the stem and its unit.
 
-    Parameters
-    ----------
-    name : str
-        Name of a column or of a key.
-    stems : iterable of str
-        The stems that are known; the longest one that fits wins.
-
-    Returns
-    -------
-    (stem, unit) or None
-        The unit is ``""`` where the suffix is missing; None if no stem fits or what follows it is not a unit.
+    `name`: name of a column or of a key. `stems`: the stems that are known; the longest one that fits wins. Returned:
+    the unit is ``""`` where the suffix is missing; None if no stem fits or what follows it is not a unit.
     """
     for stem in sorted(stems, key=len, reverse=True):
         if name == stem:
