@@ -143,38 +143,21 @@ def _distortions(
 
 @dataclass(frozen=True)
 class Distortion:
-    """Nonlinear distortion of one parity within the excited band.
+    """Nonlinear distortion of one parity within the excited band."""
 
-    Attributes
-    ----------
-    parity : str
-        ``"odd"``, ``"even"``, or ``"odd or even"`` if the multisine excites both kinds of lines.
-    basis : str
-        ``"unexcited lines"``, or ``"spread over realisations"``: of the excited lines, around the mean response. The
-        second sees what changes with the phases; the rest of the distortion looks like a change of that response.
-    lines : int
-        Number of lines used.
-    level, noise : float
-        Rms of the distortion (noise taken off) and of the noise on these lines, in the output's unit.
-    ratio_db : float
-        Power, noise included, over that of the noise, averaged over these lines [dB]; NaN if the noise is not known.
-    limit_db : float
-        Ratio that white noise alone exceeds with a probability of 0.001 (F distribution), and 1 dB more.
-    peak : float
-        Frequency around which the power is largest [Hz].
-    detected : bool or None
-        Whether the ratio exceeds the limit; None if that cannot be judged.
-    """
-
-    parity: Parity
+    parity: Parity  # ``"odd"``, ``"even"``, or ``"odd or even"`` if the multisine excites both kinds of lines
+    #: ``"unexcited lines"``, or ``"spread over realisations"``: of the excited lines, around the mean response. The
+    #: second sees what changes with the phases; the rest of the distortion looks like a change of that response.
     basis: Basis
-    lines: int
+    lines: int  # number of lines used
+    #: level, noise: rms of the distortion (noise taken off) and of the noise on these lines, in the output's unit.
     level: float
     noise: float
+    #: Power, noise included, over that of the noise, averaged over these lines [dB]; NaN if the noise is not known.
     ratio_db: float
-    limit_db: float
-    peak: float
-    detected: bool | None
+    limit_db: float  # ratio that white noise alone exceeds with a probability of 0.001 (F distribution), and 1 dB more
+    peak: float  # frequency around which the power is largest [Hz]
+    detected: bool | None  # whether the ratio exceeds the limit; None if that cannot be judged
 
 
 @dataclass(frozen=True)
@@ -182,60 +165,29 @@ class Multisine:
     """Spectrum of a recording under a periodic multisine, line by line.
 
     Levels are rms values of the sine at a line, of one averaged period, in the signal's unit.
-
-    Attributes
-    ----------
-    period : int
-        Samples.
-    rate : float
-        Sampling rate [Hz].
-    periods : tuple of tuple of int
-        First sample of every whole period that was used, by realisation.
-    kind : str
-        ``"odd"`` or ``"full"``.
-    settling : float
-        Time after the start of a realisation until its periods repeat [s].
-    steady : bool
-        Whether every period used lies behind it; no verdicts otherwise, as transients reach every line.
-    frequency : ndarray, shape (n,)
-        Of every line k / period, k = 1, 2, ... [Hz].
-    line_class : ndarray of str, shape (n,)
-        ``"excited"``, ``"odd"`` and ``"even"`` (unexcited, in the band), ``"outside"`` or ``"interference"`` (near a
-        tone of the input that is no line of the period, such as mains hum or drift; used for nothing).
-    input, output : ndarray, shape (n,)
-        Levels; the output in the band without the part that unwanted input causes.
-    spread : ndarray, shape (n,)
-        Level of the variation over realisations at excited lines, NaN elsewhere and for a single realisation.
-    noise : ndarray, shape (n,)
-        Level of the noise; NaN if it is not known.
-    noise_rms : float
-        Standard deviation of the output's noise over all frequencies but those tones, of single samples.
-    noise_source : str
-        How it was found.
-    interference : tuple of float
-        Frequencies of the tones [Hz].
-    distortions : tuple of Distortion
-    unit : str
-        Of the output.
     """
 
-    period: int
-    rate: float
-    periods: tuple[tuple[int, ...], ...]
-    kind: Literal["odd", "full"]
-    settling: float
-    steady: bool
-    frequency: FloatArray
+    period: int  # samples
+    rate: float  # sampling rate [Hz]
+    periods: tuple[tuple[int, ...], ...]  # first sample of every whole period that was used, by realisation
+    kind: Literal["odd", "full"]  # ``"odd"`` or ``"full"``
+    settling: float  # time after the start of a realisation until its periods repeat [s]
+    steady: bool  # whether every period used lies behind it; no verdicts otherwise, as transients reach every line
+    frequency: FloatArray  # (n,), of every line k / period, k = 1, 2, ... [Hz].
+    #: (n,): ``"excited"``, ``"odd"`` and ``"even"`` (unexcited, in the band), ``"outside"`` or ``"interference"`` (near
+    #: a tone of the input that is no line of the period, such as mains hum or drift; used for nothing).
     line_class: NDArray[np.str_]
+    #: input, output (n,): levels; the output in the band without the part that unwanted input causes.
     input: FloatArray
     output: FloatArray
+    #: (n,): level of the variation over realisations at excited lines, NaN elsewhere and for a single realisation.
     spread: FloatArray
-    noise: FloatArray
-    noise_rms: float
-    noise_source: str
-    interference: tuple[float, ...]
+    noise: FloatArray  # (n,), level of the noise; NaN if it is not known
+    noise_rms: float  # standard deviation of the output's noise over all frequencies but those tones, of single samples
+    noise_source: str  # how it was found
+    interference: tuple[float, ...]  # frequencies of the tones [Hz]
     distortions: tuple[Distortion, ...]
-    unit: str
+    unit: str  # of the output
 
     def verdict(self) -> tuple[str, ...]:
         """Say in one sentence each what the noise is and whether there is distortion, of which parity."""
