@@ -49,12 +49,7 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     a noisy reading is needed (Shinbrot, Transactions of the ASME 79 (1957) 447; Messenger and Bortz, Multiscale
     Modeling and Simulation 19 (2021) 1474).
 
-    Parameters
-    ----------
-    time, output : array, shape (n,)
-        Times [s] and motion; NaN marks gaps.
-    given : array, shape (n,), or None
-        The input, if there is one.
+    `time`, `output` (n,): times [s] and motion; NaN marks gaps. `given` (n,): the input, if there is one.
 
     Examples
     --------
@@ -102,14 +97,8 @@ def rates_of(
 ) -> tuple[float, float]:
     """Return d [1/s] and b of q'' = -d q' - k q + b u: a place for a fit to begin.
 
-    Parameters
-    ----------
-    time, output : array, shape (n,)
-        Times [s] and q, or q' where a `speed` is read; NaN marks gaps.
-    given : array, shape (n,), or None
-        The input u; without one, b is 0.
-    speed, spring : bool
-        Whether the output is a speed, and whether something pulls back.
+    `time`, `output` (n,): times [s] and q, or q' where a `speed` is read; NaN marks gaps. `given` (n,): the input u;
+    without one, b is 0. `speed`, `spring`: whether the output is a speed, and whether something pulls back.
 
     Examples
     --------
@@ -132,10 +121,7 @@ def rates_of(
 def runs_on(angle: FloatArray) -> bool:
     """Return whether an angle [rad] runs through more than two turns, nearly all of the way in one direction.
 
-    Parameters
-    ----------
-    angle : array, shape (n,)
-        NaN marks gaps.
+    `angle` (n,): NaN marks gaps.
 
     Examples
     --------
@@ -187,10 +173,7 @@ def is_relative(time: FloatArray, output: FloatArray, base: FloatArray) -> bool 
     is fitted with z as the output itself and with z as the output less the base. Far below the own frequency the one
     says that the output stays near 0, the other that it follows the base.
 
-    Parameters
-    ----------
-    time, output, base : array, shape (n,)
-        Times [s] and both motions in one unit; NaN marks gaps.
+    `time`, `output`, `base` (n,): times [s] and both motions in one unit; NaN marks gaps.
 
     Examples
     --------
