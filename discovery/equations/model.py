@@ -172,10 +172,7 @@ def check_declared(model: Model, names: Iterable[str]) -> None:
     What a rig file states serves every model of it: parameters of effects that a model lacks are no mistake, and
     initial states of recordings neither.
 
-    Raises
-    ------
-    InputError
-        With the parameters that the model has.
+    Raises InputError with the parameters that the model has.
     """
     unusual = [n for n in names if n not in _declared() and not (isinstance(n, str) and n.endswith("]"))]
     if not unusual:
