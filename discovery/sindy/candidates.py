@@ -36,24 +36,13 @@ def _effects(position: str, rate: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Term:
-    """One candidate f_j of the equation.
+    """One candidate f_j of the equation."""
 
-    Attributes
-    ----------
-    name : str
-        As a reader writes it, such as ``delta^2 theta_t'``.
-    effect : str or None
-        Id of the effect that it stands for, where there is one.
-    family : str
-        "polynomial", "trigonometric", "dissipative" (not smooth in the rate) or "input".
-    complexity : int
-        Degree of a polynomial, two for a term that is not smooth or an input; a trigonometric term counts more than any
-        polynomial of the library.
-    """
-
-    name: str
-    effect: str | None
-    family: Family
+    name: str  # as a reader writes it, such as ``delta^2 theta_t'``
+    effect: str | None  # id of the effect that it stands for, where there is one
+    family: Family  # "polynomial", "trigonometric", "dissipative" (not smooth in the rate) or "input"
+    #: Degree of a polynomial, two for a term that is not smooth or an input; a trigonometric term counts more than any
+    #: polynomial of the library.
     complexity: int
 
 
@@ -71,10 +60,7 @@ class Candidates:
     An arm's coordinate is an angle: sin and cos of it and of twice as much are offered, too. Where its base rests, its
     delta' is theta_t' and is not offered beside it.
 
-    Raises
-    ------
-    InputError
-        Without recordings, or with recordings of different kinds.
+    Raises InputError without recordings, or with recordings of different kinds.
     """
 
     def __init__(self, motions: Sequence[Motion], *, at_rest: bool) -> None:

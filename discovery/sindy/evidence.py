@@ -38,24 +38,13 @@ def loudness(residual: FloatArray, target: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Choice:
-    """The rule by which one equation is preferred, on the full data and on every resample alike.
+    """The rule by which one equation is preferred, on the full data and on every resample alike."""
 
-    Parameters
-    ----------
-    complexity : tuple of ndarray
-        Of the candidate equations, for each size k, shape (m,).
-    noise : ndarray, shape (k_max + 1,)
-        Variance of what is left over that of the instrument's noise at each size, index zero for no term.
-    stretches : int
-        Number of independent stretches of the recordings.
-    price : float
-        Chi squared that a term must gain.
-    """
-
-    complexity: tuple[FloatArray, ...]
+    complexity: tuple[FloatArray, ...]  # of the candidate equations, for each size k, shape (m,)
+    #: (k_max + 1,): variance of what is left over that of the instrument's noise at each size, index zero for no term.
     noise: FloatArray
-    stretches: int
-    price: float
+    stretches: int  # number of independent stretches of the recordings
+    price: float  # chi squared that a term must gain
 
     def preferred(self, rss: Sequence[FloatArray], size: int) -> int:
         """Index of the simplest equation among those that cannot be told from the best."""

@@ -70,10 +70,7 @@ def build_library(motions: Sequence[Motion]) -> Library:
 
     Rows of an arm are taken only where its base rests, if that leaves half of the samples.
 
-    Raises
-    ------
-    InputError
-        Without recordings, with recordings of different kinds, or if no row is left.
+    Raises InputError without recordings, with recordings of different kinds, or if no row is left.
     """
     arm = bool(motions) and motions[0].system.has_rod
     at_rest = arm and _rests_half_the_time(motions)

@@ -171,29 +171,18 @@ def _resampled(
 
 @dataclass(frozen=True)
 class Equation:
-    """One candidate equation, theta_t'' + sum of coefficient * term = 0 (an input stands on the right).
+    """One candidate equation, theta_t'' + sum of coefficient * term = 0 (an input stands on the right)."""
 
-    Attributes
-    ----------
-    terms, effects : tuple
-        Names of the terms, and the ids of the effects that they stand for (None where there is none).
-    coefficients, sd : tuple of float
-        Start values for the fit on trajectories [s^-2 over the unit of the term], and their standard deviations.
-    unexplained : float
-        Share of the target's variance that the equation leaves.
-    likelihood_ratio : float
-        Likelihood of the best equation of this size over that of this one.
-    probability : float
-        Share of the resamples in which this is the preferred equation of its size.
-    """
-
+    #: terms, effects: names of the terms, and the ids of the effects that they stand for (None where there is none).
     terms: tuple[str, ...]
     effects: tuple[str | None, ...]
+    #: coefficients, sd: start values for the fit on trajectories [s^-2 over the unit of the term], and their standard
+    #: deviations.
     coefficients: tuple[float, ...]
     sd: tuple[float, ...]
-    unexplained: float
-    likelihood_ratio: float
-    probability: float
+    unexplained: float  # share of the target's variance that the equation leaves
+    likelihood_ratio: float  # likelihood of the best equation of this size over that of this one
+    probability: float  # share of the resamples in which this is the preferred equation of its size
 
     def __str__(self) -> str:
         return " ".join(f"{c:+.5g} {name}" for c, name in zip(self.coefficients, self.terms, strict=True)) or "0"
@@ -201,39 +190,23 @@ class Equation:
 
 @dataclass(frozen=True)
 class Discovery:
-    """What the recordings say about the structure of the equation.
+    """What the recordings say about the structure of the equation."""
 
-    Attributes
-    ----------
-    equation : Equation
-        The smallest equation that leaves nothing which noise could not explain; of equal ones the simplest.
-    rivals : tuple of Equation
-        Equations of the same size that fit equally (likelihood ratio under 10): "cannot tell".
-    inclusion : dict of str to float
-        Share of the resamples of whole stretches in which a term is part of the chosen equation.
-    table : tuple of Equation
-        The best equations of each size, preferred one first.
-    threshold : float
-        Share of the variance that a term must explain, at the size chosen.
-    noise_ratio : float
-        Variance of what is left over that of the instrument's noise, at the frequencies of the motion.
-    at_rest, smoothers, stretches, resamples
-        How the regression was made.
-    status : str
-        The result as a sentence.
-    """
-
+    #: The smallest equation that leaves nothing which noise could not explain; of equal ones the simplest.
     equation: Equation
+    #: Equations of the same size that fit equally (likelihood ratio under 10): "cannot tell".
     rivals: tuple[Equation, ...]
+    #: Share of the resamples of whole stretches in which a term is part of the chosen equation.
     inclusion: dict[str, float]
-    table: tuple[Equation, ...]
-    threshold: float
-    noise_ratio: float
+    table: tuple[Equation, ...]  # the best equations of each size, preferred one first
+    threshold: float  # share of the variance that a term must explain, at the size chosen
+    noise_ratio: float  # variance of what is left over that of the instrument's noise, at the frequencies of the motion
+    #: at_rest, smoothers, stretches, resamples: how the regression was made.
     at_rest: bool
     smoothers: tuple[Smoother, ...]
     stretches: int
     resamples: int
-    status: str
+    status: str  # the result as a sentence
 
     def best(self, terms: int) -> Equation:
         """Return the preferred equation of so many terms."""
