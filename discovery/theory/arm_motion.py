@@ -48,10 +48,7 @@ def integrate(
 
     `slopes` is a function of time, state and whether the limit from the left is meant (at the end of a stretch).
 
-    Raises
-    ------
-    SimulationFailure
-        If the motion blows up or the integrator gives up.
+    Raises SimulationFailure if the motion blows up or the integrator gives up.
     """
     from scipy.integrate import solve_ivp
 
@@ -108,12 +105,8 @@ def move_arm(arm: Arm, drive: DriveLike, time: FloatArray, *, deflection: float 
 
     Times (k,) increase [s]; deflection [rad] and rate [rad/s] are those at the first.
 
-    Raises
-    ------
-    InputError
-        If there is no drive, or times or initial state cannot be used.
-    SimulationFailure
-        If the motion blows up.
+    Raises InputError if there is no drive, or times or initial state cannot be used. Raises SimulationFailure if the
+    motion blows up.
     """
     time = check_start(drive, time, deflection, rate)
     size = len(arm.program.states)

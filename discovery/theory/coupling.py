@@ -92,24 +92,13 @@ def _program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
 class Arm:
     """A model of the arm with its numbers: slopes of its state, coupling torque and tip, by numpy.
 
-    Parameters
-    ----------
-    model : Model
-        Any base of the arm with any effects; those of the instrument change nothing here.
-    values : mapping of str to float
-        Parameters by name [SI], at least all that the model leaves free; further names are passed over.
-    inertia : float
-        Effective inertia m_eff l^2 [kg m^2], see `effective_inertia`.
-
-    Raises
-    ------
-    InputError
-        If there is no model or no mapping, a free parameter has no value, or the inertia is not positive.
+    Raises InputError if there is no model or no mapping, a free parameter has no value, or the inertia is not positive.
     """
 
-    model: Model
+    model: Model  # any base of the arm with any effects; those of the instrument change nothing here
+    #: Parameters by name [SI], at least all that the model leaves free; further names are passed over.
     values: Mapping[str, float]
-    inertia: float
+    inertia: float  # effective inertia m_eff l^2 [kg m^2], see `effective_inertia`
 
     def __post_init__(self) -> None:
         if not (isinstance(self.model, Model) and isinstance(self.values, Mapping)):
