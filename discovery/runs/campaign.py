@@ -140,10 +140,7 @@ def collect(folder: str | os.PathLike[str], names: Iterable[str] | None = None, 
     the name of the case, and a column for every key of the mappings. Beside every table lies the same as CSV; what is
     no single value is JSON there.
 
-    Raises
-    ------
-    InputError
-        If there are no outcomes.
+    Raises InputError if there are no outcomes.
     """
     folder = Path(folder)
     found = partial(rows, folder, None if names is None else tuple(names))
@@ -214,7 +211,7 @@ def watched(outcomes: Iterable[Outcome], total: int, title: str, tell: Tell) -> 
 def pooled_parameters(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return what the cases of a campaign say of each parameter together, see `discovery.posterior.pooled.pool`.
 
-    Rows are those of `discovery.runs.campaign.rows`. There is an entry for each parameter that at least three systems
+    Rows are those of `rows`. There is an entry for each parameter that at least three systems
     of one kind have in one unit, with a standard deviation; initial states, which belong to a recording, are left out.
     The most frequent come first; all is JSON-ready.
     """

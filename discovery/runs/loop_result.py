@@ -45,31 +45,16 @@ UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 
 @dataclass(frozen=True)
 class ModelErrorReport:
-    """The error that a model keeps beside the noise.
+    """The error that a model keeps beside the noise."""
 
-    Parameters
-    ----------
-    before, after : float
-        Size for the declared and for the final model [unit of the output].
-    unit : str
-        That unit.
-    share : float
-        After over before.
-    least : float
-        Size up to which it counts as none [unit of the output].
-    held : float
-        Size for the final model on the held-out recordings [unit of the output]; zero without any.
-    depends_on : tuple of str
-        States that explain a part of what the final model leaves, the strongest first.
-    """
-
+    #: before, after: size for the declared and for the final model [unit of the output].
     before: float
     after: float
-    unit: str
-    share: float
-    least: float
-    held: float
-    depends_on: tuple[str, ...]
+    unit: str  # that unit
+    share: float  # after over before
+    least: float  # size up to which it counts as none [unit of the output]
+    held: float  # size for the final model on the held-out recordings [unit of the output]; zero without any
+    depends_on: tuple[str, ...]  # states that explain a part of what the final model leaves, the strongest first
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""

@@ -153,10 +153,7 @@ def add_posterior(found: Answer, *, progress: Tell = silent, seconds: float = ma
     What is not done after so many seconds, saving left out, is left out, and results.json says so. The chains stay: the
     same run goes on with them. A limit holds in the main thread only.
 
-    Raises
-    ------
-    ComputationError
-        If there is no posterior; results.json says why.
+    Raises ComputationError if there is no posterior; results.json says why.
     """
     done, checkpoint = Sampled(), found.out / "posterior_chains.h5"
     failed = None
