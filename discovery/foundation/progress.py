@@ -24,14 +24,8 @@ _MINUTES = 120.0
 class Progress(str):
     """One sentence on what is being done, which also holds how far it is.
 
-    Parameters
-    ----------
-    text : str
-        The sentence.
-    done, total : float
-        Work done and work in all, in what the sentence counts; NaN where it is not known.
-    seconds_left : float
-        How long it still takes at the pace so far [s]; NaN where it is not known.
+    `text`: the sentence. `done`, `total`: work done and work in all, in what the sentence counts; NaN where it is not
+    known. `seconds_left`: how long it still takes at the pace so far [s]; NaN where it is not known.
 
     Examples
     --------

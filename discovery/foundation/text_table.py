@@ -45,11 +45,8 @@ def parse_text(
     Where no comma separates columns, numbers may have a decimal comma. Where the first row holds numbers, the comment
     above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above the names.
 
-    Raises
-    ------
-    InputError
-        If the file is no table: empty, without names or with names given twice, or with rows that do not have the
-        cells that the names ask for.
+    Raises InputError if the file is no table: empty, without names or with names given twice, or with rows that do not
+    have the cells that the names ask for.
     """
     every = text.splitlines()
     stripped = (line.strip() for line in every)

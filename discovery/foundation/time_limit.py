@@ -19,10 +19,7 @@ class TimeIsUp(KeyboardInterrupt):
 def time_limit(seconds: float = math.inf) -> Iterator[None]:
     """Interrupt what is done in a context after some seconds; only in the main thread, where they are finite.
 
-    Raises
-    ------
-    TimeIsUp
-        When the time is over; at once where there is none.
+    Raises TimeIsUp when the time is over; at once where there is none.
     """
     if seconds <= 0:
         raise TimeIsUp
