@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from discovery.estimation.bench import Bench
-from discovery.estimation.differences import Probed, simulated
+from discovery.estimation.covariance import Probed, simulated
 from discovery.estimation.holdout import fitted_states
 from discovery.estimation.laplace import belief_of
 from discovery.estimation.log_evidence import Linearised
