@@ -21,8 +21,8 @@ import numpy as np
 from scipy.optimize import lsq_linear, minimize
 
 from discovery.diagnosis.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit
-from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit
+from discovery.estimation.predict import equilibrium
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.sampling import median_step
