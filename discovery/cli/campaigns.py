@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
     from discovery.recordings.dataset import Dataset
-    from discovery.runs.attempt import Outcome
+    from discovery.runs.processes import Outcome
 
 
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
