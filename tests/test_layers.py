@@ -32,7 +32,7 @@ HOMES = {
     "pysindy": {
         "discovery.sindy.sindy",
         "discovery.sindy.evidence",
-        "discovery.sindy.candidates",
+        "discovery.sindy.library",
         "discovery.diagnosis.force_law",
     },
     "emcee": {
