@@ -26,7 +26,7 @@ HOMES = {
         "discovery.simulation.kernel.vectormath",
         "discovery.posterior.noise.filters",
         "discovery.posterior.noise.tails",
-        "discovery.screening.scalar_products",
+        "discovery.screening.bounded_gain",
         "discovery_datasets.compiled",
     },
     "pysindy": {

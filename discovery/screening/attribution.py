@@ -24,9 +24,8 @@ from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.workers import single_algebra
-from discovery.screening.bounded_gain import bounded_gains
+from discovery.screening.bounded_gain import bounded_gains, grams
 from discovery.screening.responses import Grid, Responses, plan, respond
-from discovery.screening.scalar_products import grams
 from discovery.simulation.simulate import THREADS
 
 #: Makes columns (n, k) white under a model error.
