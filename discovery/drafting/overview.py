@@ -56,7 +56,6 @@ def overview(dataset: Dataset) -> dict[str, Any]:
     """
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     rig = dataset.rig
-    every = (*dataset.everything, *(("test", e) for e in dataset.test))
     return {
         "rig": {
             "name": rig.name,
@@ -66,7 +65,7 @@ def overview(dataset: Dataset) -> dict[str, Any]:
             "file": None if rig.path is None else str(rig.path),
             "to_fill_in": list(rig.unfilled),
         },
-        "recordings": [_recording(role, experiment) for role, experiment in every],
+        "recordings": [_recording(role, experiment) for role, experiment in dataset.with_test],
     }
 
 

@@ -77,6 +77,11 @@ class Dataset(DatasetViews):
         """All recordings that are fitted or decide, with their roles."""
         return (*(("train", e) for e in self.train), *(("holdout", e) for e in self.holdout))
 
+    @property
+    def with_test(self) -> tuple[tuple[str, Experiment], ...]:
+        """These, and those for the score alone, with their roles."""
+        return (*self.everything, *(("test", e) for e in self.test))
+
 
 def _read(part: RecordPart, rig: Rig) -> Recording:
     path = part.file
@@ -156,7 +161,7 @@ def load_dataset(
         with_flag([make_experiment(r, rig, fitted_samples=moving_count(r)) for r in found["holdout"]]),
         tuple(make_experiment(r, rig) for r in found["test"]),
     )
-    refuse_unusable([*dataset.everything, *(("test", e) for e in dataset.test)])
+    refuse_unusable(dataset.with_test)
     return dataset
 
 

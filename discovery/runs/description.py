@@ -31,7 +31,7 @@ def describe(dataset: Dataset) -> dict[str, Any]:
             "declared": list(rig.declared),
             "view": None if rig.view is None else asdict(rig.view),
         },
-        "recordings": [_recording(role, e) for role, e in (*dataset.everything, *(("test", e) for e in dataset.test))],
+        "recordings": [_recording(role, e) for role, e in dataset.with_test],
     }
 
 
