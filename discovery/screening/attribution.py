@@ -81,7 +81,7 @@ class Start:
     values: FloatArray  # (f,), of what a refit estimates
     sizes: IntArray  # (k,), which of them are amplitudes
     responses: Responses  # of amplitudes
-    #: rows, simulated (k,): which responses are those of this start, and to what amplitudes.
+    #: rows, simulated (k,), or (k * recordings,): which responses are those of this start, and to what amplitudes.
     rows: IntArray
     simulated: FloatArray
     effect: str  # id
