@@ -30,6 +30,7 @@ from discovery.mechanics import get_base
 from discovery.mechanics.base import SHORTENING_RADIUS, Channel
 from discovery.mechanics.joint import TURN, hinged, root_of
 from discovery.mechanics.rod_end import loaded_end
+from discovery.mechanics.rod_shapes import AT_THE_TIP
 from discovery.rigs.rig import Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 
@@ -154,4 +155,4 @@ def effective_inertia(rig: Rig) -> float:
     if rig.length is None or rig.tip_mass is None:
         raise InputError(f"The coupling torque of {rig.name} needs the arm's length and its tip mass in the rig file.")
     rod = rig.beam_mass.value if rig.beam_mass is not None else 0.0
-    return (rig.tip_mass.value + 33 / 140 * rod) * rig.length.value**2
+    return (rig.tip_mass.value + AT_THE_TIP * rod) * rig.length.value**2
