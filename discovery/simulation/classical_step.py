@@ -18,7 +18,7 @@ _PART = 1.0
 def classical_step(program: Program, grid: Grid, motion: FloatArray, parameters: FloatArray) -> float:
     """Return the longest step of the classical method on a motion on which the kernel's own may be longer [s].
 
-    Infinite where nothing forgets faster than it moves, see `discovery.simulation.kernel.forgetting`.
+    Infinite where nothing forgets faster than it moves, see `discovery.simulation.kernel.fused`.
 
     `program`: what moves. `grid`: the steps of the motion. `motion` (steps, 4 states): from
     `discovery.simulation.simulate.Simulator.motion`. `parameters` (p,): in the order of the program.
