@@ -14,8 +14,7 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
-from discovery.drafting.equations import equations
-from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm, trials
+from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, trials
 from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
