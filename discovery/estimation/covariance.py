@@ -253,6 +253,9 @@ class HalfStep:
 def half_step(problem: Problem, minimum: Minimum, sd: FloatArray) -> HalfStep:
     """Return what half the step changes, from one simulation on either.
 
+    Dry friction on steps that are too long makes the motion chatter: differences of readings are then the solver's and
+    not the model's, far larger than its slopes, and intervals made of them far too narrow.
+
     `problem`: on the simulators in question. `minimum`: where, with the derivatives of which intervals were made. `sd`
     (p,): standard deviations of the parameters, by which they are moved; what has none, NaN, is not judged.
     """

@@ -139,6 +139,10 @@ def start_of_system(
 ) -> dict[str, float]:
     """Return start values of a declared system: its guesses where a fit leads anywhere from there, else others.
 
+    A free run with a stiffness or a loss that is off by several times has minima that explain nothing, or blows up.
+    Over the first swings there are few, and one batched simulation of some hundred starts costs no more than a step of
+    a fit.
+
     `model`: its free constants keep the sign of their guesses. `gaussian`: constants that are known within a standard
     deviation: they stay there. Returned: empty where the guesses are the best start there is.
     """

@@ -95,7 +95,12 @@ def _moments(points: FloatArray, weights: FloatArray) -> tuple[FloatArray, Float
 
 @dataclass(frozen=True)
 class Bend:
-    """A triangular map."""
+    """A map that bends straight distributions into bananas: the mean of some coordinates is a cubic of others.
+
+    Under dry friction, initial displacement and initial rate lie on a curve. A triangular map (Y. Marzouk et al.,
+    Handbook of Uncertainty Quantification (2016), ch. 23) follows such a valley: a polynomial of the other coordinates
+    shifts each bent one. Volumes stay, and with them densities.
+    """
 
     #: centre, scale (d,): of the coordinates in which it is defined.
     centre: FloatArray

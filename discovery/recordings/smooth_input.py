@@ -81,6 +81,10 @@ def smooth_motion(t: FloatArray, y: FloatArray, noise: float) -> Drive:
     `noise` is the standard deviation of a reading's error, in the unit of `y`; it is raised to the rounding of `y` if
     it is below. Pieces are cubic; acceleration is continuous but at the kinks, and zero in rests and cruises; the rate
     is zero in rests.
+
+    Phases are found by testing second differences of growing width against the encoder's noise. A phase that one or two
+    constant accelerations explain to the noise, or two with a cruise between, gets them, with kinks at fitted times;
+    any other gets a smooth course. `discovery.recordings.profile_spline` then fits them all together.
     """
     if t.size < _FEWEST:
         return spline_drive(t, y)

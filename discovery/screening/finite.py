@@ -115,6 +115,9 @@ def starts_along(
 ) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
     """Return starts of refits at the shapes that explain best which force the recorded motion lacks.
 
+    The teeth of a motor hold on to its rotor and let it go. The motion of a model without them is soon at another
+    tooth, and what a little of the law does there tells no number of teeth. The recorded motion is at the right one.
+
     `minimum`, `problem`: the fit so far. `grids`: the shapes of each candidate effect. Returned: effect, its values,
     and those of all else that is fitted; none where the reading is not that of the only coordinate or of its rate.
     """

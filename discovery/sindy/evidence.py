@@ -78,6 +78,8 @@ def best_subsets(
 ) -> list[tuple[np.ndarray, FloatArray]]:
     """Return the sets of k candidates that explain most variance, for k = 1, 2, ...
 
+    A. Miller, Subset Selection in Regression, 2nd ed., Chapman & Hall/CRC (2002).
+
     Parameters
     ----------
     gram, moment, energy : ndarray (p, p), ndarray (p,), float

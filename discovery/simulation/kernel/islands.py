@@ -193,7 +193,11 @@ def cost(expression: sp.Expr) -> int:
 
 
 class Splitter:
-    """Breaks assignments into pieces, each with the effects to which it belongs."""
+    """Breaks assignments into pieces, each with the effects to which it belongs.
+
+    Sums are broken where their terms belong to different effects, also sums within other expressions. Functions get
+    names, and so does what stands in several places.
+    """
 
     def __init__(self, switches: Mapping[sp.Symbol, str], parameters: Iterable[sp.Symbol]) -> None:
         self.zero: dict[sp.Expr, Effects] = {p: frozenset({e}) for p, e in switches.items()}
