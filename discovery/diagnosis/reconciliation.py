@@ -94,7 +94,7 @@ def reconcile(
         return ()
     (at,) = fit_problems([wide], [fit.minimum.x], rough=True)
     (wrong,) = contenders(context, [((), Refit("", wide, at))])
-    found = refit(stated.model, at, stated, [], finite=starts, thorough=True)
+    found = refit(at, stated, [], finite=starts, thorough=True)
     tried = contenders(context, [((r.effect,), r) for r in found])
     return _ranked([c for c in tried if np.isfinite(c.joint)], wrong, name, predicted, context)
 
@@ -103,19 +103,19 @@ def _promising(fit: Fit, bench: Bench, name: str, target: float, candidates: Seq
     """Return the effects that repair a step of a parameter towards its target, to first order."""
     value, sd = fit.values[name], fit.sd[name]
     step = min(_STEP * sd, abs(target - value)) if np.isfinite(sd) else abs(target - value) / _STEP
-    model, problem = _held(fit, bench, {name: value + float(np.copysign(step, target - value))})
+    problem = _held(fit, bench, {name: value + float(np.copysign(step, target - value))})
     keep = [fit.problem.names.index(n) for n in problem.names]
     (spoilt,) = fit_problems([problem], [fit.minimum.x[keep]], iterations=8)
     excess = 2 * spoilt.cost - float(np.sum(fit.minimum.residual[: fit.problem.bench.n_rows] ** 2))
-    scored = screen(model, spoilt, problem, candidates)
+    scored = screen(spoilt, problem, candidates)
     return [c for c in scored if c.score > _LINEAR * excess][:_SHORTLIST]
 
 
-def _held(fit: Fit, bench: Bench, held: Mapping[str, float]) -> tuple[Model, Problem]:
-    """Return the model and its problem with some values held, and with all that the rig knows."""
+def _held(fit: Fit, bench: Bench, held: Mapping[str, float]) -> Problem:
+    """Return the problem with some values held, and with all that the rig knows."""
     known = {**{n: fit.values[n] for n in fit.problem.gaussian if n in fit.problem.free}, **held}
     model = Model(fit.model.base, fit.model.effects, {**fit.model.known, **known})
-    return model, Problem(model, bench, fit.problem.units, {})
+    return Problem(model, bench, fit.problem.units, {})
 
 
 def _scanned(fit: Fit, stated: Problem, name: str, target: float, candidate: Candidate) -> list[FarStart]:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from discovery.declarations.effect import Effect
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
-from discovery.equations.model import Model
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
@@ -144,21 +143,14 @@ def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, 
     ]
 
 
-def screen(
-    model: Model,
-    minimum: Minimum,
-    problem: Problem,
-    names: Sequence[str],
-    *,
-    keep: int = _STARTS,
-) -> list[Candidate]:
+def screen(minimum: Minimum, problem: Problem, names: Sequence[str], *, keep: int = _STARTS) -> list[Candidate]:
     """Score candidate effects by their sensitivities around a fitted model, all in one batched simulation.
 
-    `model`: the fitted model. `minimum`: its minimum on `problem`. `problem`: its bench must contain every candidate.
-    `names`: candidate effect ids. `keep`: number of starts kept for each, at most; three times as many for effects with
-    many shapes. Returned: highest score first.
+    `minimum`: that of the fitted model on `problem`, whose bench must contain every candidate. `names`: candidate
+    effect ids. `keep`: number of starts kept for each, at most; three times as many for effects with many shapes.
+    Returned: highest score first.
     """
-    bench, units, system = problem.bench, problem.units, model.mechanics.system
+    bench, units, system = problem.bench, problem.units, problem.model.mechanics.system
     grids, settings = _planned(tuple(get_effect(name) for name in names), system, units, len(bench.experiments))
     # Beside a motion that blows up nothing is gained, and every candidate begins as declared.
     reference, slopes = (np.where(np.isfinite(x), x, 0.0)[: bench.n_rows] for x in (minimum.residual, minimum.jacobian))

@@ -79,9 +79,9 @@ def _followed(
     first = min(minima, key=lambda m: m.cost)
     if not np.isfinite(first.cost):
         return []
-    scored = screen(short.model, first, short, names)
+    scored = screen(first, short, names)
     far = finite_starts(first, short, names)
-    found = refit(short.model, first, short, scored, finite=far, thorough=True)[:_FOLLOWED]
+    found = refit(first, short, scored, finite=far, thorough=True)[:_FOLLOWED]
     models = [r.problem.model for r in found]
     values: list[Mapping[str, float]] = [r.values for r in found]
     while (share := 2 * share) < 1:

@@ -73,7 +73,6 @@ def held_fixed(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
 
 
 def refit(
-    model: Model,
     minimum: Minimum,
     problem: Problem,
     shortlist: Sequence[Candidate],
@@ -83,19 +82,17 @@ def refit(
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
-    `model`, `minimum`, `problem`: the fit so far. `shortlist`: from `discovery.screening.attribution.screen`. `finite`:
+    `minimum`, `problem`: the fit so far. `shortlist`: from `discovery.screening.attribution.screen`. `finite`:
     more starts, see `discovery.screening.finite.finite_starts`. `thorough`: finish every effect with a differenced
     Jacobian, however far behind: a quick search may stall where it begins. Returned: smallest chi-square first.
     """
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), s.values, s.columns(), None, (s,)) for c in shortlist for s in c.starts]
     starts += [((name,), vector, np.zeros((rows, vector.size)), others, ()) for name, vector, others in finite]
-    return _raced(model, minimum, problem, starts, thorough=thorough)
+    return _raced(minimum, problem, starts, thorough=thorough)
 
 
-def refit_pairs(
-    model: Model, minimum: Minimum, problem: Problem, pairs: Sequence[tuple[Candidate, Candidate]]
-) -> list[Refit]:
+def refit_pairs(minimum: Minimum, problem: Problem, pairs: Sequence[tuple[Candidate, Candidate]]) -> list[Refit]:
     """Refit the model with two candidates added at once, from their joint linear solution.
 
     Returned: smallest chi-square first; `effect` is the second one.
@@ -112,12 +109,10 @@ def refit_pairs(
         solution = np.linalg.lstsq(free / size, -minimum.residual[:rows], rcond=None)[0]
         vector[moving] = solution / size
         starts.append((tuple(c.effect for c in pair), vector, columns, None, tuple(c.starts[0] for c in pair)))
-    return _raced(model, minimum, problem, starts)
+    return _raced(minimum, problem, starts)
 
 
-def _raced(
-    model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thorough: bool = False
-) -> list[Refit]:
+def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thorough: bool = False) -> list[Refit]:
     """Refit from starts, all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
@@ -125,7 +120,7 @@ def _raced(
     n_data = problem.bench.n_data
     race = Race(n_data, SLOW)
     for effects, vector, columns, others, own in starts:
-        extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
+        extended = Problem(problem.model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         old = [extended.names.index(n) for n in problem.names]
         added = [i for i, n in enumerate(extended.free) if n not in problem.free]
         lower, upper = extended.bounds

@@ -92,7 +92,7 @@ def _again(
     if blown:
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in blown]
         small = declared_starts(problem, blown, _FEW)
-        found += refit(problem.model, minimum, problem, once, finite=small)
+        found += refit(minimum, problem, once, finite=small)
     return best_of(found)
 
 
