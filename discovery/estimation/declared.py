@@ -23,6 +23,8 @@ from discovery.foundation.errors import ComputationError, InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 
+#: What is known within an uncertainty: mean and standard deviation, by parameter.
+Known = Mapping[str, tuple[float, float]]
 #: Retardation time of an ordinary rod's material, with its standard deviation [s]: fibre composites lose 0.5 to 1 % of
 #: their elastic energy per radian of a vibration at some 50 rad/s, where such a rod rings.
 RETARDATION, RETARDATION_SD = 1.5e-4, 1e-4
@@ -173,23 +175,14 @@ def _is_stopped(found: Fit) -> bool:
     return any(found.values[p.name] != p.default * problem.units.scale(p) for p in stopped)
 
 
-def _led_fit(
-    model: Model,
-    experiments: Sequence[Experiment],
-    units: NaturalUnits,
-    gaussian: Mapping[str, tuple[float, float]],
-) -> Fit | None:
+def _led_fit(model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known) -> Fit | None:
     """Return the fit that is led to the end of the recordings; None where it does not get there."""
     values, part = led(model, experiments, units, gaussian)
     return None if part < 1.0 else _fit_from(values, model, experiments, units, gaussian)
 
 
 def _fit_from(
-    values: Mapping[str, float],
-    model: Model,
-    experiments: Sequence[Experiment],
-    units: NaturalUnits,
-    gaussian: Mapping[str, tuple[float, float]],
+    values: Mapping[str, float], model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known
 ) -> Fit | None:
     """Return the fit from a start; None where there is none from there."""
     try:
@@ -199,10 +192,7 @@ def _fit_from(
 
 
 def led(
-    model: Model,
-    experiments: Sequence[Experiment],
-    units: NaturalUnits,
-    gaussian: Mapping[str, tuple[float, float]],
+    model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known
 ) -> tuple[dict[str, float], float]:
     """Return the values that follow the longest first part of recordings, and which part that is.
 
