@@ -168,7 +168,7 @@ def numpy_derivative(program: Program) -> Callable[..., list]:
     lines = [f"    {', '.join(program.parameters)}, = parameters"] if program.parameters else []
     lines += [f"    {', '.join(y.name for y in program.states)}, = state"]
     lines += [f"    {', '.join(r.name for r in RECORDED)}, = recorded"]
-    lines += assignments(program.drive, "    ") + assignments(program.derivative, "    ")
+    lines += assignments((*program.drive, *program.derivative))
     lines.append(f"    return [{', '.join(printed(e) for e in program.slopes)}]")
     functions = {"_sin": np.sin, "_cos": np.cos, "_atan2": np.arctan2, "_exp": np.exp, "_sqrt": np.sqrt, "abs": np.abs}
     namespace: dict[str, Any] = {**functions, "math": np}
