@@ -16,7 +16,6 @@ from discovery.foundation.arguments import as_folder, check_seed, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
-from discovery.foundation.time_limit import TimeIsUp, time_limit
 from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
 from discovery.results import curves
@@ -26,6 +25,7 @@ from discovery.runs import stages
 from discovery.runs.answer import _PARTS, Answer, Sampled
 from discovery.runs.failed_loop import FailedLoop, gather_failed_loop
 from discovery.runs.loop_files import models_of, of_loop, save_curves, to_clean, write_loop
+from discovery.runs.processes import TimeIsUp, time_limit
 from discovery.runs.regression_stage import can_discover, discover
 
 

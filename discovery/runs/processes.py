@@ -1,10 +1,11 @@
-"""Work on processes of this machine, by pipes that nobody else can open: there is no port, and no code from outside."""
+"""Work on processes of this machine, by pipes that nobody else can open, and work that ends when its time is up."""
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
 import json
+import math
 import multiprocessing
 import os
 import pickle
@@ -26,6 +27,8 @@ from discovery.results.provenance import plain, restored
 #: Seconds after which a process whose work does not heed its limit is ended.
 _GRACE = 10.0
 Work = Callable[[Any, SeedSequence], Mapping[str, Any]]
+#: An alarm that nobody could hear, as within a callback of a compiled library, rings again after so many seconds.
+_AGAIN = 10.0
 
 
 class Died(Exception):
@@ -205,3 +208,31 @@ def attempt(work: Work, name: str, case: Any, seed: SeedSequence, limit: float |
     else:
         return Outcome(name, time.perf_counter() - start, result)
     return Outcome(name, time.perf_counter() - start, None, said, trace)
+
+
+class TimeIsUp(KeyboardInterrupt):
+    """The time for a piece of work is over: it is interrupted as by Ctrl-C."""
+
+
+@contextmanager
+def time_limit(seconds: float = math.inf) -> Iterator[None]:
+    """Interrupt what is done in a context after some seconds; only in the main thread, where they are finite.
+
+    Raises TimeIsUp when the time is over; at once where there is none.
+    """
+    if seconds <= 0:
+        raise TimeIsUp
+    if math.isinf(seconds):
+        yield
+        return
+
+    def ring(*_: object) -> None:
+        raise TimeIsUp
+
+    before = signal.signal(signal.SIGALRM, ring)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, seconds, _AGAIN)
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
