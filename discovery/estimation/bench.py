@@ -12,10 +12,9 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.simulation import simulate
-from discovery.simulation.classical_step import classical_step
 from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
-from discovery.simulation.simulate import Batch, Misses, Simulator
+from discovery.simulation.simulate import Batch, Misses, Simulator, classical_step
 
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7

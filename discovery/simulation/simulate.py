@@ -5,18 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from discovery.equations.program import Program
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.foundation.workers import aside, in_threads
 from discovery.mechanics import get_base
 from discovery.simulation.grid import DriveLike, Grid, Pace
-from discovery.simulation.kernel.compile import Kernel, compile_kernel
+from discovery.simulation.kernel.compile import Kernel, compile_kernel, numpy_derivative
 from discovery.simulation.runge_kutta import CLASSICAL, Method
+
+#: Part of the time in which a state forgets: the method is stable up to 2.8, and right by some tenths of that.
+_PART = 1.0
 
 
 def _threads() -> int:
@@ -31,6 +35,8 @@ def _threads() -> int:
 
 #: Blocks of lanes run in so many threads; the kernel releases the interpreter's lock.
 THREADS = _threads()
+
+
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
 
@@ -253,3 +259,20 @@ def check_finite(out: FloatArray, time: FloatArray, names: Sequence[str], parame
     when = float(time[int(np.argmax(~good[:, lane]))])
     values: Mapping[str, float] = dict(zip(names, parameters[:, lane].tolist(), strict=True))
     raise SimulationFailure(values, when, "the motion is not finite any more.")
+
+
+def classical_step(program: Program, grid: Grid, motion: FloatArray, parameters: FloatArray) -> float:
+    """Return the longest step of the classical method on a motion on which the kernel's own may be longer [s].
+
+    Infinite where nothing forgets faster than it moves, see `discovery.simulation.kernel.fused`.
+
+    `program`: what moves. `grid`: the steps of the motion. `motion` (steps, 4 states): from
+    `discovery.simulation.simulate.Simulator.motion`. `parameters` (p,): in the order of the program.
+    """
+    states = motion[:, : len(program.states)].T
+    # The memory of an effect that is absent rests.
+    moving = [rate for z, rate in program.relaxation if states[program.states.index(z)].any()]
+    if not moving:
+        return np.inf
+    rates = numpy_derivative(replace(program, slopes=tuple(moving)))
+    return _PART / max(float(np.max(rate)) for rate in rates(grid.times, grid.drive[:, 0].T, states, parameters))
