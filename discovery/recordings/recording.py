@@ -22,7 +22,7 @@ from discovery.recordings.force_view import force_samples, noise_gain, sampling_
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags, resolution
-from discovery.recordings.time_jitter import estimate_jitter, on_its_clock, scatter
+from discovery.recordings.time_stamps import estimate_jitter, on_its_clock, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
 
