@@ -171,7 +171,7 @@ docs: docs/CATALOGUE.md docs/RIG_FILE.md docs/images/architecture.svg docs/image
 docs/CATALOGUE.md: $(wildcard discovery/effects/*.py) discovery/mechanics/upgrades.py docs/catalogue_page.py | $(READY)
 	$(BIN)/python docs/catalogue_page.py $@
 
-docs/RIG_FILE.md: $(wildcard discovery/rigs/*.py discovery/rigs/systems/*.toml) discovery/recordings/recording_columns.py docs/rig_file_page.py | $(READY)
+docs/RIG_FILE.md: $(wildcard discovery/rigs/*.py discovery/rigs/systems/*.toml) discovery/recordings/file_signals.py docs/rig_file_page.py | $(READY)
 	$(BIN)/python docs/rig_file_page.py $@
 
 docs/images/architecture.svg: docs/draw_architecture.py | $(READY)

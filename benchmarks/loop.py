@@ -85,10 +85,10 @@ def screening(dataset: Dataset, base: str, runs: int) -> dict[str, Any]:
     screened, busy, refitted = [], [], []
     for _ in range(runs + 1):
         begin, worked = time.perf_counter(), time.process_time()
-        scored = screen(model, found.minimum, found.problem, names)
+        scored = screen(found.minimum, found.problem, names)
         middle = time.perf_counter()
         busy.append(time.process_time() - worked)
-        refit(model, found.minimum, found.problem, scored)
+        refit(found.minimum, found.problem, scored)
         screened.append(middle - begin)
         refitted.append(time.perf_counter() - middle)
     return {

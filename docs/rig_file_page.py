@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from discovery.foundation.io import atomic_write
-from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
+from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
 from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig_schema import QuantityTable, RigTable
 from discovery.rigs.rig_system import ready_made

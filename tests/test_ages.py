@@ -9,8 +9,7 @@ import pytest
 from test_bench import arm
 
 from discovery.estimation.bench import Bench
-from discovery.screening.ages import ages_of, ages_only, per_age
-from discovery.screening.responses import respond
+from discovery.screening.responses import ages_of, ages_only, per_age, respond
 
 EFFECTS = ("linear_stiffness", "viscous_damping", "sensor_delay", "time_base_error", "camera_origin_offset")
 SAWTOOTH = {"j_t": 2e-5, "Omega_j": 4.0, "phi_j": 1.0}

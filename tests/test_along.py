@@ -36,12 +36,12 @@ def without_teeth(directory: Path, rig: str, effect: str) -> tuple[Problem, Mini
 
 def test_teeth_that_a_linear_response_does_not_count_are_counted_along_the_motion(tmp_path: Path) -> None:
     problem, minimum = without_teeth(tmp_path, machines.motor().rig, "cogging_at_shaft")
-    (scored,) = screen(problem.model, minimum, problem, ["cogging_at_shaft"])
-    (linear,) = refit(problem.model, minimum, problem, [scored])
+    (scored,) = screen(minimum, problem, ["cogging_at_shaft"])
+    (linear,) = refit(minimum, problem, [scored])
     starts = finite_starts(minimum, problem, ["cogging_at_shaft", "coulomb_friction_at_shaft"])
     assert {name for name, _, _ in starts} == {"cogging_at_shaft"}
     assert starts[0][1][-1] == TEETH
-    (found,) = refit(problem.model, minimum, problem, [scored], finite=starts)
+    (found,) = refit(minimum, problem, [scored], finite=starts)
     assert found.values["N_c_shaft"] == pytest.approx(TEETH, abs=0.05)
     assert found.chi2 < 1.2 * problem.bench.n_data < 0.1 * linear.chi2
 

@@ -69,13 +69,13 @@ def declared_fit(seed: int = 0, **effects: float) -> Fit:
 @cache
 def screened(seed: int = 0, **effects: float) -> list[Candidate]:
     found = declared_fit(seed, **effects)
-    return screen(found.model, found.minimum, found.problem, candidates(found.model))
+    return screen(found.minimum, found.problem, candidates(found.model))
 
 
 @cache
 def refitted(seed: int = 0, **effects: float) -> list[Refit]:
     found = declared_fit(seed, **effects)
-    return refit(found.model, found.minimum, found.problem, screened(seed, **effects))
+    return refit(found.minimum, found.problem, screened(seed, **effects))
 
 
 # Who may be missing.
@@ -135,7 +135,7 @@ def test_beside_a_motion_that_blows_up_nothing_is_gained() -> None:
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        scored = screen(found.model, blown, found.problem, ["quadratic_drag", "sensor_delay"])
+        scored = screen(blown, found.problem, ["quadratic_drag", "sensor_delay"])
     assert [c.score for c in scored] == [0.0, 0.0]
 
 
@@ -165,9 +165,9 @@ def test_physical_signs_hold_in_the_score() -> None:
         units=UNITS,
     )
     assert found.chi2 > 1000
-    (friction,) = screen(found.model, found.minimum, found.problem, ["coulomb_friction"])
+    (friction,) = screen(found.minimum, found.problem, ["coulomb_friction"])
     assert friction.score == pytest.approx(0.0, abs=1.0)
-    (again,) = refit(found.model, found.minimum, found.problem, [friction])
+    (again,) = refit(found.minimum, found.problem, [friction])
     size = dict(zip(again.problem.names, again.minimum.x, strict=True))["f_c"]
     assert 0 <= size < 1e-4
 
@@ -183,9 +183,7 @@ def test_scores_come_highest_first_with_as_many_starts_as_asked_for() -> None:
     assert scores == sorted(scores, reverse=True)
     found = declared_fit(beta=0.2)
     names = ["periodic_disturbance", "hysteresis"]
-    few, many = (
-        {c.effect: c for c in screen(found.model, found.minimum, found.problem, names, keep=keep)} for keep in (1, 3)
-    )
+    few, many = ({c.effect: c for c in screen(found.minimum, found.problem, names, keep=keep)} for keep in (1, 3))
     # Many frequencies have many minima.
     assert (len(few["periodic_disturbance"].starts), len(few["hysteresis"].starts)) == (3, 1)
     assert (len(many["periodic_disturbance"].starts), len(many["hysteresis"].starts)) == (9, 3)
@@ -313,8 +311,8 @@ def test_what_the_rig_knows_stays_with_its_prior() -> None:
     e = recorded(beta=0.5)
     known = {"xi": (0.1, 0.001)}
     held = fit(Model("oscillator", DECLARED), [e], start=TRUTH, bench=bench(e), units=UNITS, gaussian=known)
-    scored = screen(held.model, held.minimum, held.problem, ["cubic_stiffness"])
-    (after,) = refit(held.model, held.minimum, held.problem, scored)
+    scored = screen(held.minimum, held.problem, ["cubic_stiffness"])
+    (after,) = refit(held.minimum, held.problem, scored)
     assert after.problem.gaussian == known
     values = dict(zip(after.problem.names, after.minimum.x, strict=True))
     # The prior is 20 sds off and bounds the damping at three of its own.

@@ -11,9 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.signal import butter, lfilter
 
 from discovery.recordings.averaging import averaged_down
-from discovery.recordings.band_noise import BandNoise, band_noise
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED
-from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise
 from discovery.recordings.recording import Recording, read_recording
 from discovery.rigs.rig import Rig
 from discovery.rigs.rig_file import read_rig

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discovery.estimation.bent_intervals import without_bent
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.generalised import without_bent
 from discovery.recordings.dataset import load_dataset
 
 BENCH = Path(__file__).parents[1] / "datasets" / "spring_bench" / "rig.toml"

@@ -11,7 +11,7 @@ from markupsafe import escape
 from test_security import HOSTILE, harmless
 
 from discovery.report.campaign import build_campaign
-from discovery.runs.pooling import pooled_parameters
+from discovery.runs.campaign import pooled_parameters
 
 
 def outcome(name: str, value: float = 1.0, **other: Any) -> dict[str, Any]:

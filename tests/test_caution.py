@@ -14,7 +14,7 @@ import pytest
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
 from discovery.equations.model import Model
-from discovery.estimation.first_fit import first_fit
+from discovery.estimation.declared import first_fit
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.natural_units import natural_units
 from discovery.recordings.dataset import load_dataset

@@ -33,7 +33,7 @@ from discovery.cli.say import doubts, say_loop
 from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
 from discovery.declarations.registry import catalogue
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.diagnosis.caution import missed
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from benchmarks.faults.__main__ import table
 from benchmarks.faults.case import OUTCOMES, Case, Outcome, judged, run
 from benchmarks.faults.corpus import corpus
-from discovery.foundation.time_limit import time_limit
+from discovery.runs.processes import time_limit
 
 CASES = corpus()
 #: Seconds after which a case hangs.

@@ -4,7 +4,7 @@ import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.differences import Probed, simulated
+from discovery.estimation.covariance import Probed, simulated
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.problem import Problem
 from discovery.recordings.experiment import Experiment

@@ -13,9 +13,8 @@ from scipy.signal import lfilter
 
 from discovery.recordings.recording import Recording, read_recording
 from discovery.rigs.rig_file import read_rig
-from discovery.signals.distortion import analyse_multisine
-from discovery.signals.multisine import Multisine
-from discovery.signals.periods import find_periods
+from discovery.signals.distortion import Multisine, analyse_multisine
+from discovery.signals.spectral_lines import find_periods
 
 RATE = 200.0
 RESONANCE = ([0.05], [1.0, -1.86, 0.9409])  # poles of radius 0.97: settles by 60 dB in 227 samples

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from discovery.foundation.errors import InputError
-from discovery.recordings.motion_profile import smooth_motion
 from discovery.recordings.recording import Recording
-from discovery.recordings.smooth_input import build_drive
+from discovery.recordings.smooth_input import build_drive, smooth_motion
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 HALF_WIDTH = 7e-5  # rad, the paper's encoder

@@ -7,8 +7,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.stats import multivariate_normal
 
-from discovery.estimation.belief import Belief
-from discovery.estimation.laplace import bounded_step
+from discovery.estimation.laplace import Belief, bounded_step
 from discovery.estimation.log_evidence import Linearised, evidence_of
 from discovery.estimation.model_error import Channel
 

@@ -23,8 +23,8 @@ def test_a_large_effect_on_the_frequency_is_reached(effect: str, values: dict[st
     far = finite_starts(found.minimum, found.problem, [effect])
     assert {name for name, _, _ in far} == {effect}
     assert len(far) <= 2
-    scored = screen(found.model, found.minimum, found.problem, [effect])
-    (with_far,) = refit(found.model, found.minimum, found.problem, scored, finite=far)
+    scored = screen(found.minimum, found.problem, [effect])
+    (with_far,) = refit(found.minimum, found.problem, scored, finite=far)
     assert with_far.chi2 < 1.3 * bench.n_data
     assert with_far.values["alpha"] == pytest.approx(TRUTH["alpha"], rel=0.02)
 

@@ -11,9 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from discovery.estimation import first_fit as module
-from discovery.estimation.declared import declared_model
-from discovery.estimation.first_fit import first_fit
+from discovery.estimation import declared as module
+from discovery.estimation.declared import declared_model, first_fit
 from discovery.estimation.fit import fit
 from discovery.estimation.natural_units import natural_units
 from discovery.recordings.dataset import load_dataset

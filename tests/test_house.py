@@ -15,7 +15,7 @@ ROOT = Path(discovery.__file__).parent
 LONGEST_MODULE, LONGEST_FUNCTION, MOST_POSITIONAL = 300, 40, 6
 
 #: What is longer still, each to be shortened when it is next changed.
-LONG_MODULES = {"simulation/simulate.py"}
+LONG_MODULES: set[str] = set()
 LONG_FUNCTIONS = {
     "export/source.py:to_numpy",
     "screening/refits.py:_raced",

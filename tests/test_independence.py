@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from discovery.estimation.bent import Bend
 from discovery.estimation.importance import importance_sample
-from discovery.estimation.proposal import Proposal
+from discovery.estimation.proposal import Bend, Proposal
 from discovery.posterior.checkpoint import Remembered
 from discovery.posterior.ensembles import TEMPERED, grow, start_ensembles
 from discovery.posterior.independence import LARGEST_K, Chains, independence_chains

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from discovery.equations.program import build_program
-from discovery.simulation.kernel.islands import Plan, plan
-from discovery.simulation.kernel.owned_terms import NOBODY
+from discovery.simulation.kernel.islands import NOBODY, Plan, plan
 from discovery.simulation.kernel.source import kernel_source
 
 a, b, c, d, x, y, z = sp.symbols("a b c d x y z", real=True)

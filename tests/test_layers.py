@@ -26,13 +26,13 @@ HOMES = {
         "discovery.simulation.kernel.vectormath",
         "discovery.posterior.noise.filters",
         "discovery.posterior.noise.tails",
-        "discovery.screening.scalar_products",
+        "discovery.screening.bounded_gain",
         "discovery_datasets.compiled",
     },
     "pysindy": {
         "discovery.sindy.sindy",
-        "discovery.sindy.subset",
-        "discovery.sindy.candidates",
+        "discovery.sindy.evidence",
+        "discovery.sindy.library",
         "discovery.diagnosis.force_law",
     },
     "emcee": {

@@ -28,9 +28,8 @@ from discovery.export import to_numpy
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
 from discovery.runs.loop import close_loop
-from discovery.simulation.classical_step import classical_step
 from discovery.simulation.kernel.compile import numpy_derivative
-from discovery.simulation.simulate import Simulator
+from discovery.simulation.simulate import Simulator, classical_step
 
 MOVE = trapezoid(1.0, 1.35)
 #: Stiffness EI/l of the rod [N m/rad]; the paper's symbols for its rig.

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from discovery.recordings.drive import Drive
-from discovery.simulation.grid import Grid
-from discovery.simulation.pace import Pace
+from discovery.simulation.grid import Grid, Pace
 
 SHARES = st.lists(st.floats(0.01, 1.0), min_size=1, max_size=20)
 

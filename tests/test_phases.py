@@ -13,9 +13,9 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.holdout import fitted_states
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
-from discovery.estimation.starts import fitted_states
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
@@ -62,10 +62,10 @@ def declared() -> Fit:
 
 def test_opposite_phases_are_screened_and_refitted() -> None:
     before = declared()
-    (candidate,) = screen(before.model, before.minimum, before.problem, [FORCE])
+    (candidate,) = screen(before.minimum, before.problem, [FORCE])
     # All that stands out of the noise: a common phase would explain nothing of it.
     assert candidate.score > 0.9 * (before.chi2 - before.problem.bench.n_data) > 100
-    (found,) = refit(before.model, before.minimum, before.problem, [candidate])
+    (found,) = refit(before.minimum, before.problem, [candidate])
     assert found.chi2 == pytest.approx(before.problem.bench.n_data, rel=0.1)
     assert found.values["Omega"] == pytest.approx(FREQUENCY, abs=0.03)
     assert np.hypot(found.values["a_s"], found.values["a_c"]) == pytest.approx(SIZE, rel=0.1)

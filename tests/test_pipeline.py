@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 from discovery.estimation.predict import predict
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Progress, Tell
-from discovery.foundation.time_limit import TimeIsUp
 from discovery.recordings.dataset import Dataset, load_dataset
 from discovery.report import build_report
 from discovery.results.provenance import plain
@@ -26,6 +25,7 @@ from discovery.runs.answer import Answer
 from discovery.runs.description import describe
 from discovery.runs.loop_files import save_prediction, write_loop
 from discovery.runs.pipeline import add_posterior, answer, run
+from discovery.runs.processes import TimeIsUp
 
 #: The words and files of pages are what is tested here.
 pytestmark = pytest.mark.usefixtures("sketched")

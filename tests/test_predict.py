@@ -11,12 +11,11 @@ from discovery.effects.table_tilt import G
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
-from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.holdout import held_out
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.predict import predict
+from discovery.estimation.predict import equilibrium, predict
 from discovery.estimation.problem import Problem
-from discovery.estimation.starts import held_out
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment

@@ -13,8 +13,7 @@ import pytest
 import discovery
 from discovery.foundation import progress
 from discovery.foundation.errors import InputError
-from discovery.foundation.progress import Counter, Progress, counted, silent, teller
-from discovery.runs.course import Course
+from discovery.foundation.progress import Counter, Course, Progress, counted, silent, teller
 
 
 @pytest.mark.parametrize(
@@ -50,7 +49,7 @@ def test_items_are_counted_before_each() -> None:
 
 def test_a_search_says_which_share_of_its_budget_is_spent(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, 8.0])
-    monkeypatch.setattr("discovery.runs.course.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("discovery.foundation.progress.time.monotonic", lambda: next(clock))
     told: list[Any] = []
     course, extended = Course(told.append), []
     course("refitting")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.recordings.quantisation import lasting_rounding, quantum
+from discovery.recordings.reading_noise import lasting_rounding, quantum
 
 STEP, TIME = 0.5, np.arange(4000) * 0.01
 ROUNDING = STEP / np.sqrt(12.0)

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from discovery.estimation.batch import Race, is_far_behind
 from discovery.estimation.least_squares import Minimum, levenberg_marquardt, minimise
-from discovery.estimation.race import Race, is_far_behind
 
 
 def test_far_behind_is_measured_by_the_excess_over_noise() -> None:

@@ -16,8 +16,7 @@ from scipy.io import savemat
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write, read_table
-from discovery.recordings.quantisation import resolution
-from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.reading_noise import estimate_noise, resolution
 from discovery.recordings.recording import read_recording
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 

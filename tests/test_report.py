@@ -1120,7 +1120,7 @@ def test_broken_terms_are_refused(broken: str) -> None:
 
 
 def test_every_effect_that_sparse_regression_names_has_a_term_that_can_be_written() -> None:
-    from discovery.sindy.candidates import _effects
+    from discovery.sindy.library import _effects
 
     for name in (*_effects("delta", "theta_t'"), *_effects("q", "q'")):
         assert _text(block(formula(name)))

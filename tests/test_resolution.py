@@ -10,8 +10,7 @@ import pytest
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.covariance import solver_shift
-from discovery.estimation.differences import half_step
+from discovery.estimation.covariance import half_step, solver_shift
 from discovery.estimation.fit import SHIFT, Fit, fit
 
 FRICTION = Model("oscillator", (*pushed.DECLARED, "coulomb_friction"), {"v_c": 3e-4})

@@ -61,8 +61,8 @@ def declared(train: tuple[Experiment, ...], step: float, base: str = "elastica_c
 
 
 def screened(found: Fit, names: tuple[str, ...]) -> tuple[list[Candidate], list[Refit]]:
-    scored = screen(found.problem.model, found.minimum, found.problem, names)
-    return scored, refit(found.problem.model, found.minimum, found.problem, scored)
+    scored = screen(found.minimum, found.problem, names)
+    return scored, refit(found.minimum, found.problem, scored)
 
 
 def error_of(problem: Problem, minimum: Minimum, bench: Bench) -> float:

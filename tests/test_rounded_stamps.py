@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from discovery.recordings.recording import read_recording
-from discovery.recordings.rounded_stamps import steady_clock
+from discovery.recordings.time_stamps import steady_clock
 from discovery.rigs.rig_file import read_rig
 
 FILM = 2.7 + np.delete(np.arange(150), [40, 41, 90]) / 29.97  # three pictures are lost

@@ -7,9 +7,8 @@ from scipy.special import logsumexp
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
-from discovery.estimation.belief import Belief, belief_of
 from discovery.estimation.bench import Bench
-from discovery.estimation.laplace import Mode
+from discovery.estimation.laplace import Belief, Mode, belief_of
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel, ModelError, innovations
 from discovery.estimation.natural_units import NaturalUnits

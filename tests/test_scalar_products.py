@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.screening.scalar_products import grams
+from discovery.screening.bounded_gain import grams
 
 
 @given(st.integers(1, 6), st.integers(1, 40), st.integers(1, 5), st.integers(1, 4), st.integers(0, 2**32 - 1))

@@ -20,8 +20,8 @@ from scipy.optimize import minimize
 from synthetic_run import write_arm_run
 from twin_arm import fitted, recorded, rig_file
 
-from discovery.declarations.simplicity import simplicity
-from discovery.declarations.systems import ARM
+from discovery.declarations.registry import simplicity
+from discovery.declarations.system import ARM
 from discovery.diagnosis.manoeuvre_design import (
     MotorLimits,
     Move,
@@ -31,8 +31,7 @@ from discovery.diagnosis.manoeuvre_design import (
     moves_from_unit,
     reach,
 )
-from discovery.diagnosis.move_search import MoveSearch
-from discovery.diagnosis.rival_distance import Distance, _absorbed
+from discovery.diagnosis.rival_distance import Distance, MoveSearch, _absorbed
 from discovery.diagnosis.separation import Separation, separate, similarity_matrix
 from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
@@ -391,7 +390,7 @@ def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.Mo
         begun.append((settings["options"]["maxfev"], len(settings["options"]["initial_simplex"])))
         return minimize(loss, centre, **settings)
 
-    monkeypatch.setattr("discovery.diagnosis.move_search.minimize", watched)
+    monkeypatch.setattr("discovery.diagnosis.rival_distance.minimize", watched)
     for evaluations in (1, 2, 5, 20, 50, 100):
         for seed in range(6):
             search = MoveSearch(Bowl(), LIMITS)  # type: ignore[arg-type]
@@ -415,7 +414,7 @@ def test_few_trials_find_more_than_chance_and_than_an_unfinished_simplex(monkeyp
 
     found = missed()
     with monkeypatch.context() as changed:
-        changed.setattr("discovery.diagnosis.move_search._RANDOM", 1.0)
+        changed.setattr("discovery.diagnosis.rival_distance._RANDOM", 1.0)
         assert found < 0.85 * missed()
     monkeypatch.setattr(MoveSearch, "_steps", lambda self, count, rng: self._simplex(count))
     assert found < 0.85 * missed()

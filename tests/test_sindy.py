@@ -17,11 +17,10 @@ from discovery.recordings.smooth_input import build_drive
 from discovery.rigs.rig_file import read_rig
 from discovery.signals.differentiate import smooth
 from discovery.signals.motion import Motion, motion_of
+from discovery.sindy.evidence import best_subsets
 from discovery.sindy.library import build_library, propagate, stretches
 from discovery.sindy.radius import discover_radius
-from discovery.sindy.sindy import discover
-from discovery.sindy.structure import Equation, status_of
-from discovery.sindy.subset import best_subsets
+from discovery.sindy.sindy import Equation, discover, status_of
 
 XI, ALPHA, BETA, GAMMA = 0.0458, 8.7907, 0.5139, 0.4462
 STRUCTURE = {"theta_t'", "delta", "delta^3"}

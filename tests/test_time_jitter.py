@@ -9,7 +9,7 @@ from discovery.foundation.errors import InputError
 from discovery.recordings.averaging import averaged
 from discovery.recordings.experiment import make_experiment
 from discovery.recordings.recording import read_recording
-from discovery.recordings.time_jitter import estimate_jitter, scatter, stamp_deviation
+from discovery.recordings.time_stamps import estimate_jitter, scatter, stamp_deviation
 from discovery.rigs.rig_file import read_rig
 
 STEP, COUNT, RATE, NOISE, JITTER = 0.01, 4000, 6.0, 1e-3, 1e-3

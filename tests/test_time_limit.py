@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from discovery.foundation.time_limit import TimeIsUp, time_limit
+from discovery.runs.processes import TimeIsUp, time_limit
 
 
 def test_what_takes_longer_is_interrupted() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
-from discovery.estimation.turns import turns_back
 from discovery.recordings.dataset import load_dataset
+from discovery.recordings.holdout_part import turns_back
 
 RIG = """
 name = "sledge"

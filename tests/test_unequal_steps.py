@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from discovery.equations.model import Model
-from discovery.estimation import unequal_steps
+from discovery.estimation import step_control
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit, refined
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
-from discovery.estimation.unequal_steps import unequal_bench
+from discovery.estimation.step_control import unequal_bench
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
@@ -123,14 +123,14 @@ def test_a_slow_arm_has_equal_steps() -> None:
 
 def test_a_pace_that_misses_the_tolerance_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     experiment, model = arm(VIOLENT)
-    measured = unequal_steps._measured
+    measured = step_control._measured
 
     def blind(*given: object) -> object:
         parts = measured(*given)  # type: ignore[arg-type]
         return replace(parts, errors=parts.errors[::-1].copy())
 
     # Short steps where none are needed.
-    monkeypatch.setattr("discovery.estimation.unequal_steps._measured", blind)
+    monkeypatch.setattr("discovery.estimation.step_control._measured", blind)
     bench = unequal_bench(model, EFFECTS, [experiment], UNITS, VALUES, TOLERANCE)
     assert [e.pace for e in bench.experiments] == [None]
     exact = Bench.like(bench, bench.step / 4)
@@ -141,7 +141,7 @@ def test_the_fewest_steps_of_a_given_error() -> None:
     experiment, _ = arm(VIOLENT)
     edges = [np.array([0.0, 2.0, 12.0, 16.0])]
     e = np.array([1.0, 1e-6, 1e-2])
-    parts = unequal_steps._Parts([experiment], edges, 7 * e)
+    parts = step_control._Parts([experiment], edges, 7 * e)
     shares, lasting = parts.shares(0.1), np.diff(edges[0])
     assert shares.max() <= 1.0
     # As large a sum of errors as that of equal steps,

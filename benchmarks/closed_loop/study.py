@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from discovery.export import FittedModel, discretise, linearise, read_fitted
-from discovery.runs.attempt import Outcome
+from discovery.runs.processes import Outcome
 from discovery.runs.spread import spread
 
 FloatArray = NDArray[np.float64]

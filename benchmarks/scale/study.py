@@ -18,8 +18,7 @@ from benchmarks.scale.watch import Watch
 from discovery.cli.campaign_cases import Case, found_cases, rig_files
 from discovery.cli.campaigns import close
 from discovery.report.campaign import build_campaign
-from discovery.runs.campaign import campaign, collect, rows, unfinished
-from discovery.runs.pooling import pooled_parameters
+from discovery.runs.campaign import campaign, collect, pooled_parameters, rows, unfinished
 
 #: Rigs that are done alone, before and after.
 ALONE = 40

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.random import SeedSequence
 
     from discovery.recordings.dataset import Dataset
-    from discovery.runs.attempt import Outcome
+    from discovery.runs.processes import Outcome
 
 
 def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
@@ -106,8 +106,7 @@ def _page(folder: Path, names: Sequence[str], dashboard: str = "") -> Path:
     """Pool the parameters of some cases, and write the page over all of them."""
     from discovery.report.campaign import build_campaign
     from discovery.results.provenance import write_json
-    from discovery.runs.campaign import rows
-    from discovery.runs.pooling import pooled_parameters
+    from discovery.runs.campaign import pooled_parameters, rows
 
     pooled = pooled_parameters(rows(folder, names))
     write_json(folder / "pooled.json", {"pooled": pooled})

@@ -19,7 +19,7 @@ from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.systems import ARM, OSCILLATOR, System
+from discovery.declarations.system import ARM, OSCILLATOR, System
 from discovery.foundation.arguments import check_names
 
 if TYPE_CHECKING:

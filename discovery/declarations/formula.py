@@ -33,18 +33,11 @@ _LONGEST, _HIGHEST, _LARGEST = 2000, 8, 1e15
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a name in a formula means.
+    """What a name in a formula means."""
 
-    Parameters
-    ----------
-    symbols : tuple of sympy.Expr
-        The quantity, and as far as they may stand in the formula, its first and second derivatives in time.
-    unit : str
-        Coherent SI unit of the first.
-    """
-
+    #: The quantity, and as far as they may stand in the formula, its first and second derivatives in time.
     symbols: tuple[sp.Expr, ...]
-    unit: str
+    unit: str  # coherent SI unit of the first
 
 
 def reserved_words() -> frozenset[str]:

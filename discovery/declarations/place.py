@@ -1,4 +1,4 @@
-"""An effect at one place of a declared system."""
+"""An effect at one place of a declared system, and its amplitudes: parameters to which its force is proportional."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import Any
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.amplitudes import amplitudes
 from discovery.declarations.effect import OSCILLATOR, Dissipation, Effect, Load, Memory, Potential
 
 #: Reference inertia of a place: an effect gives its force over it.
 INERTIA = sp.Symbol("inertia", real=True)
 #: Between an effect and its place in an id.
 _AT = "_at_"
+#: What a law takes from elsewhere: its parameters are then shares of that, not forces.
+_TAKEN = (s.alpha, s.xi, s.length, s.push)
 
 
 def can_be_placed(effect: Effect) -> bool:
@@ -83,3 +84,35 @@ def channels_of(effect: Potential | Dissipation | Load) -> tuple[sp.Symbol, ...]
     """Return the channels on which an effect may push, those of its place where it has one."""
     wanted = s.POSITION_CHANNELS if isinstance(effect, Potential) else s.RATE_CHANNELS
     return wanted if not effect.place else tuple(local(c, effect.place) for c in wanted)
+
+
+def amplitudes(effect: Effect) -> tuple[str, ...]:
+    """Return the parameters in which the force of an effect is jointly linear, without a part that lacks them all.
+
+    Twice all of them is twice the force, whatever the other parameters are. None are found where the law is a share of
+    a stiffness, a damping or an input that the model has, or where parameters scale each other.
+
+    Examples
+    --------
+    >>> from discovery.declarations.registry import get_effect
+    >>> amplitudes(get_effect("stribeck_friction")), amplitudes(get_effect("equilibrium_offset"))
+    (('f_k', 'f_b'), ())
+    """
+    if not isinstance(effect, Potential | Dissipation | Load | Memory):
+        return ()
+    law = sp.sympify(effect.expression())
+    declared = {p.name: sp.Symbol(p.name, real=True) for p in effect.parameters()}
+    if law.free_symbols & set(_TAKEN) - set(declared.values()):
+        return ()
+    inner = set().union(*(slope.free_symbols for slope in _slopes(effect)))
+    shapes = {declared[p.name] for p in effect.parameters() if p.shape}
+    found = {n: d for n, d in declared.items() if d in law.free_symbols - inner - shapes}
+    parts = {n: sp.diff(law, d) for n, d in found.items()}
+    linear = {n: part for n, part in parts.items() if found[n] not in part.free_symbols}
+    rest = law - sp.Add(*[found[n] * part for n, part in linear.items()])
+    return tuple(linear) if sp.expand(rest) == 0 else ()
+
+
+def _slopes(effect: Effect) -> list[sp.Expr]:
+    """Return the rates of the states that an effect remembers."""
+    return [sp.sympify(rate) for rate in effect.states().values()] if isinstance(effect, Memory) else []

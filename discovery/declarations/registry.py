@@ -11,9 +11,8 @@ from importlib.metadata import entry_points
 from types import ModuleType
 
 from discovery.declarations.effect import Effect
-from discovery.declarations.external_force import ExternalForce
 from discovery.declarations.place import at_place, can_be_placed
-from discovery.declarations.smooth_force import SmoothForce
+from discovery.declarations.smooth_force import ExternalForce, SmoothForce
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 
@@ -113,3 +112,17 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
         hint = f"Did you mean {', '.join(near)}?" if near else "`discovery effects` lists the catalogue."
         raise InputError(f"There is no effect called {effect_id!r}. {hint}")
     return known[effect_id]
+
+
+def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
+    """Return a key that sorts effects, the physically simplest first.
+
+    What imitates others comes last; then no free parameter before one, one before several, a force before a fault of an
+    instrument (of the camera, or of the encoder), and a spring or friction before a load that could feed the motion.
+
+    `effect`: id. `system`: kind of system, `discovery.declarations.effect.ARM` or
+    `discovery.declarations.effect.OSCILLATOR`.
+    """
+    declared = get_effect(effect)
+    faulty, load = declared.kind in ("sensor", "drive"), declared.kind == "load"
+    return declared.pliable, len(declared.fitted(system)), faulty, load, effect

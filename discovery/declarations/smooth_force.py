@@ -1,4 +1,4 @@
-"""A force that is no effect: any smooth function of position and rate."""
+"""Forces that are no effects: any one in time, and any smooth function of position and rate."""
 
 from __future__ import annotations
 
@@ -42,3 +42,19 @@ for _j, _k in _POWERS:
     )
     setattr(SmoothForce, _name(_j, _k), _declared)
     _declared.__set_name__(SmoothForce, _name(_j, _k))
+
+
+class ExternalForce(Load):
+    r"""A generalised force on the angle of the tip (an oscillator: on its coordinate), by its value at every instant.
+
+    .. math:: P = f\, \dot\theta_t
+
+    It stands for what a model does not explain, and is therefore in no catalogue: it would explain everything.
+    """
+
+    cite = "generalised force; Goldstein, Classical Mechanics, 2nd edition, section 1-4"
+    external_force = Parameter("s^-2 q", "force per unit inertia", (-1e3, 1e3), Normal(0.0, 1.0), latex="f")
+
+    def expression(self) -> sp.Expr:
+        """Return P."""
+        return self.external_force * omega

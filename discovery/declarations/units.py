@@ -148,18 +148,9 @@ def _base(unit: str) -> tuple[float, str]:
 def si_factor(unit: str, expected: str | None = None) -> float:
     """Factor that takes a value in `unit` to SI (angles: radians).
 
-    Parameters
-    ----------
-    unit : str
-        The unit of the value, any that pint knows.
-    expected : str, optional
-        A unit of the dimension that is wanted, ``"m"`` for a length. An angle does not pass for a pure number here: a
-        column in degrees where a ratio is expected is a mistake of the user.
-
-    Raises
-    ------
-    InputError
-        If the unit is not known, or is of another dimension.
+    `unit`: the unit of the value, any that pint knows. `expected`: a unit of the dimension that is wanted, ``"m"`` for
+    a length. An angle does not pass for a pure number here: a column in degrees where a ratio is expected is a mistake
+    of the user. Raises InputError if the unit is not known, or is of another dimension.
     """
     if unit == expected or (expected is None and unit in _COHERENT):
         return 1.0

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.registry import get_effect
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
 from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
@@ -20,6 +20,7 @@ from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
+from discovery.rigs.quantities import QUANTITIES
 
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
@@ -40,35 +41,26 @@ _ALIKE = 1.5
 #: An error that falls in training falls as well held out, by this share of its logarithm at least; chance, as that of
 #: the fitted starts, moves a held-out one by this factor.
 _CARRIED, _CHANCE = 0.25, 1.05
+#: A rig file may err by so many of its standard deviations.
+_CREDIBLE = 3.0
 
 
 @dataclass(frozen=True)
 class Caution:
-    """One reason not to believe an answer.
+    """One reason not to believe an answer."""
 
-    Parameters
-    ----------
-    code : str
-        "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
-        "missed" (the hold-out), and of what is left "burst" (where it lies in time), "like_noise" (of the instrument),
-        "not_carried", "scattered".
-    about : str
-        The parameter, or the recording of a burst; empty where it is about the whole answer.
-    effect : str
-        The effect that was added with the parameter; empty otherwise.
-    numbers : mapping
-        Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
-        `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst
-        `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like noise
-        `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training (`train`)
-        and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise is
-        `estimated`, the `memory` of the errors (see `estimation.residual.memory`) and whether it counts as none
-        (`white`).
-    """
-
+    #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
+    #: "missed" (the hold-out), and of what is left "burst" (where it lies in time), "like_noise" (of the instrument),
+    #: "not_carried", "scattered".
     code: str
-    about: str = ""
-    effect: str = ""
+    about: str = ""  # the parameter, or the recording of a burst; empty where it is about the whole answer
+    effect: str = ""  # the effect that was added with the parameter; empty otherwise
+    #: Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
+    #: `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst `start`,
+    #: `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like noise `ratio` and
+    #: `autocorrelation`; of what is not carried by how many times the error falls in training (`train`) and held out
+    #: (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise is `estimated`, the
+    #: `memory` of the errors (see `estimation.residual.memory`) and whether it counts as none (`white`).
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
@@ -212,3 +204,62 @@ def scattered(errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatAr
     numbers = {"rms": rms, "unit": errors["unit"], "ratio": rms / floor, "noise": floor, "memory": length}
     estimated = any(recording.noise_estimated for recording, _ in left)
     return Caution("scattered", numbers={**numbers, "estimated": estimated, "white": length < _WHITE})
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """An effect whose only parameter reads like a relative error of a quantity of the rig file."""
+
+    #: effect, parameter: its id, and the name of its parameter.
+    effect: str
+    parameter: str
+    quantity: str  # key of the rig file without its unit
+    share: float  # the parameter
+    #: stated, sd: what the rig file says of the quantity [SI].
+    stated: float
+    sd: float
+    unit: str  # their unit
+
+    @property
+    def value(self) -> float:
+        """What the rig file would have to state for the same motion without the effect [SI]."""
+        return self.stated * (1 + self.share)
+
+    @property
+    def relative_sd(self) -> float:
+        """Standard deviation of the parameter that comes from the rig file."""
+        return self.sd / self.stated
+
+    @property
+    def z(self) -> float:
+        """By how many of its standard deviations the rig file would have to err."""
+        return self.share / self.relative_sd
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the rig file may err by as much: it would contradict nothing."""
+        return abs(self.z) <= _CREDIBLE
+
+    def summary(self) -> dict[str, Any]:
+        """Return a JSON-ready description."""
+        return {
+            "quantity": self.quantity,
+            "unit": self.unit,
+            "value": self.value,
+            "stated": self.stated,
+            "sd": self.sd,
+            "z": self.z,
+            "doubtful": self.doubtful,
+        }
+
+
+def stand_in(fitted: Fit, effect: str) -> StandIn | None:
+    """Return what an added effect may stand for; None where the rig file is surely right, or does not say."""
+    experiment = fitted.problem.bench.experiments[0]
+    quantity = get_effect(effect).stands_for if experiment.system.has_rod and effect in catalogue() else ""
+    stated = getattr(experiment.rig, quantity) if quantity else None
+    if stated is None or not stated.sd:
+        return None
+    (parameter,) = get_effect(effect).parameters()
+    share, unit = fitted.values[parameter.name], QUANTITIES[quantity].unit
+    return StandIn(effect, parameter.name, quantity=quantity, share=share, stated=stated.value, sd=stated.sd, unit=unit)

@@ -25,33 +25,20 @@ _GROSS = 1.5
 
 @dataclass(frozen=True)
 class Check:
-    """One fitted value against its predicted distribution.
+    """One fitted value against its predicted distribution."""
 
-    Parameters
-    ----------
-    parameter, unit : str
-        What is tested, and its unit.
-    value, sd : float
-        From the recordings alone, whose residual may be correlated.
-    predicted, predicted_sd : float
-        Mean and standard deviation of the prediction.
-    z : float
-        Their difference over the root of the sum of both variances.
-    odds : float
-        Log odds that the prediction is too narrow [nats].
-    source : str
-        Where the prediction comes from.
-    """
-
+    #: parameter, unit: what is tested, and its unit.
     parameter: str
     unit: str
+    #: value, sd: from the recordings alone, whose residual may be correlated.
     value: float
     sd: float
+    #: predicted, predicted_sd: mean and standard deviation of the prediction.
     predicted: float
     predicted_sd: float
-    z: float
-    odds: float
-    source: str
+    z: float  # their difference over the root of the sum of both variances
+    odds: float  # log odds that the prediction is too narrow [nats]
+    source: str  # where the prediction comes from
 
     @property
     def gross(self) -> bool:

@@ -36,17 +36,10 @@ _NEARLY = 0.9
 
 @dataclass(frozen=True)
 class Smooth:
-    """A spline in one variable, or a tensor product of two, constant beyond the range seen.
+    """A spline in one variable, or a tensor product of two, constant beyond the range seen."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Variables.
-    low, high : tuple of float
-        Range of each.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # variables
+    #: low, high: range of each.
     low: tuple[float, ...]
     high: tuple[float, ...]
 
@@ -81,30 +74,16 @@ class Smooth:
 
 @dataclass(frozen=True)
 class Sites:
-    """Reconstructed forces of all recordings, once in every spacing of their knots, one below the other.
+    """Reconstructed forces of all recordings, once in every spacing of their knots, one below the other."""
 
-    Parameters
-    ----------
-    force : ndarray, shape (n,)
-        [s^-2 q].
-    variables : mapping of str to ndarray, shape (n,)
-        Along the motions.
-    imitated : ndarray, shape (n, 1 + p)
-        A constant, and the forces that imitate changes of the fitted parameters, each of unit size.
-    scale : ndarray, shape (1 + p,)
-        By which a coefficient of `imitated` is to be multiplied: a change of the parameter, in its unit.
-    blocks : ndarray of int, shape (n,)
-        Period to which each belongs.
-    lengths : tuple of int
-        Number of times in each recording.
-    """
-
-    force: FloatArray
-    variables: Mapping[str, FloatArray]
+    force: FloatArray  # (n,), [s^-2 q]
+    variables: Mapping[str, FloatArray]  # each (n,), along the motions
+    #: (n, 1 + p): a constant, and the forces that imitate changes of the fitted parameters, each of unit size.
     imitated: FloatArray
+    #: (1 + p,): by which a coefficient of `imitated` is to be multiplied: a change of the parameter, in its unit.
     scale: FloatArray
-    blocks: IntArray
-    lengths: tuple[int, ...]
+    blocks: IntArray  # (n,), period to which each belongs
+    lengths: tuple[int, ...]  # number of times in each recording
 
     @classmethod
     def of(cls, forces: Sequence[LatentForce], period: float) -> Sites:
@@ -154,24 +133,13 @@ class Sites:
 
 @dataclass(frozen=True)
 class ForceDependence:
-    """How far a set of variables predicts the force.
+    """How far a set of variables predicts the force."""
 
-    Parameters
-    ----------
-    variables : tuple of str
-        The set.
-    share : float
-        Share of the power, beside what parameters imitate, that is predicted out of the fit; negative where that harms.
-    p_value : float
-        Probability of such a share by chance.
-    penalty : float
-        Weight of the penalty that predicts best.
-    """
-
-    variables: tuple[str, ...]
+    variables: tuple[str, ...]  # the set
+    #: Share of the power, beside what parameters imitate, that is predicted out of the fit; negative where that harms.
     share: float
-    p_value: float
-    penalty: float
+    p_value: float  # probability of such a share by chance
+    penalty: float  # weight of the penalty that predicts best
 
 
 def dependences(sites: Sites) -> tuple[ForceDependence, ...]:

@@ -15,14 +15,14 @@ from itertools import product
 
 import numpy as np
 
-from discovery.diagnosis.chain_newton import close
 from discovery.diagnosis.force_dependence import ForceDependence, Sites, Smooth, with_imitated
+from discovery.diagnosis.latent_force import close
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.diagnosis.slow_model import Law
 from discovery.estimation.fit import Fit
+from discovery.estimation.holdout import fitted_states
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import errors
-from discovery.estimation.starts import fitted_states
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import DiscoveryError
 from discovery.recordings.experiment import Experiment
@@ -37,36 +37,19 @@ _DEGREES = {1: 5, 2: 3}
 
 @dataclass(frozen=True)
 class Patch:
-    """A law of the missing force, tried on held-out recordings.
+    """A law of the missing force, tried on held-out recordings."""
 
-    Parameters
-    ----------
-    kind : str
-        "sparse law" or "spline".
-    variables : tuple of str
-        What it depends on; beyond the range seen it is constant.
-    formula : str
-        The law in words of a formula [s^-2 q].
-    parameters : mapping of str to float
-        The model's parameters that go with it.
-    before, after : float or None
-        Root mean square of the held-out error without and with the patch, in the unit of the output; None if not known.
-    accepted : bool
-        Whether it removes `MARGIN` of that error.
-    reason : str
-        Why, as a sentence.
-    curve : mapping of str to tuple of float
-        The law over the range of its variable, where there is one: the variable, and ``force``.
-    """
-
-    kind: str
-    variables: tuple[str, ...]
-    formula: str
-    parameters: Mapping[str, float]
+    kind: str  # "sparse law" or "spline"
+    variables: tuple[str, ...]  # what it depends on; beyond the range seen it is constant
+    formula: str  # the law in words of a formula [s^-2 q]
+    parameters: Mapping[str, float]  # the model's parameters that go with it
+    #: before, after: root mean square of the held-out error without and with the patch, in the unit of the output; None
+    #: if not known.
     before: float | None
     after: float | None
-    accepted: bool
-    reason: str
+    accepted: bool  # whether it removes `MARGIN` of that error
+    reason: str  # why, as a sentence
+    #: The law over the range of its variable, where there is one: the variable, and ``force``.
     curve: Mapping[str, tuple[float, ...]]
 
 

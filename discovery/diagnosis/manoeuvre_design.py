@@ -28,31 +28,16 @@ NUMBERS = 4
 class MotorLimits:
     """What the motor, the arm and the recording allow.
 
-    Parameters
-    ----------
-    angle : float
-        Largest angle of the hub to either side of where it starts [rad].
-    speed, acceleration : float
-        Largest speed [rad/s] and acceleration [rad/s^2] of the hub.
-    duration : float
-        Length of the recording [s].
-    deflection : float
-        Largest deflection of the arm that a model may predict [rad].
-    moves : int
-        Largest number of moves, 1 to 3.
-
-    Raises
-    ------
-    InputError
-        If a limit is not positive, or the number of moves is not 1, 2 or 3.
+    Raises InputError if a limit is not positive, or the number of moves is not 1, 2 or 3.
     """
 
-    angle: float
+    angle: float  # largest angle of the hub to either side of where it starts [rad]
+    #: speed, acceleration: largest speed [rad/s] and acceleration [rad/s^2] of the hub.
     speed: float
     acceleration: float
-    duration: float
-    deflection: float = 1.0
-    moves: int = 3
+    duration: float  # length of the recording [s]
+    deflection: float = 1.0  # largest deflection of the arm that a model may predict [rad]
+    moves: int = 3  # largest number of moves, 1 to 3
 
     def __post_init__(self) -> None:
         sizes = (self.angle, self.speed, self.acceleration, self.duration, self.deflection)

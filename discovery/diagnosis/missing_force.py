@@ -64,10 +64,7 @@ def missing_force(fit: Fit, holdout: Sequence[Experiment] = ()) -> MissingForce:
     The parameters are held while the force is reconstructed. Patches are tried on the held-out recordings, or on the
     parts of the training recordings that were not fitted if there are none.
 
-    Raises
-    ------
-    ComputationError
-        If no motion beside a fitted run is found.
+    Raises ComputationError if no motion beside a fitted run is found.
     """
     period = 2 * np.pi * fit.problem.units.time
     coordinate = fit.problem.bench.experiments[0].coordinate_unit

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.registry import get_effect
-from discovery.declarations.simplicity import simplicity
+from discovery.declarations.registry import get_effect, simplicity
 from discovery.declarations.units import in_coordinate
 from discovery.diagnosis.checks import WIDE
 from discovery.equations.model import Model
@@ -37,31 +36,17 @@ _SIZES, _BEGUN = np.geomspace(0.03, 30.0, 60), 2
 
 @dataclass(frozen=True)
 class Reconciliation:
-    """One effect that was given the chance to reconcile a parameter with its prediction.
+    """One effect that was given the chance to reconcile a parameter with its prediction."""
 
-    Parameters
-    ----------
-    effect : str
-        Id.
-    parameters : mapping of str to (value, sd)
-        Of the effect.
-    value, z : float
-        Of the contradicting parameter with the effect in the model, and its distance from the prediction in sds.
-    chi2 : float
-        Of the recordings and the rig.
-    odds : float
-        Log odds of the effect against an error of the rig file [nats].
-    reconciles : bool
-        Whether an error of the rig file is not likelier by what decides, nor is another effect.
-    """
-
-    effect: str
-    parameters: Mapping[str, tuple[float, float]]
+    effect: str  # id
+    parameters: Mapping[str, tuple[float, float]]  # of the effect
+    #: value, z: of the contradicting parameter with the effect in the model, and its distance from the prediction in
+    #: sds.
     value: float
     z: float
-    chi2: float
-    odds: float
-    reconciles: bool
+    chi2: float  # of the recordings and the rig
+    odds: float  # log odds of the effect against an error of the rig file [nats]
+    reconciles: bool  # whether an error of the rig file is not likelier by what decides, nor is another effect
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
@@ -89,10 +74,7 @@ def reconcile(
 ) -> tuple[Reconciliation, ...]:
     """Try effects that could reconcile a fitted parameter, free of its prediction, with the predicted mean and sd.
 
-    Returns
-    -------
-    tuple of Reconciliation
-        Those that reconcile first, the simplest ahead where the evidence decides nothing. Empty where none could.
+    Returned: those that reconcile first, the simplest ahead where the evidence decides nothing. Empty where none could.
     """
     if not candidates:
         return ()
@@ -112,7 +94,7 @@ def reconcile(
         return ()
     (at,) = fit_problems([wide], [fit.minimum.x], rough=True)
     (wrong,) = contenders(context, [((), Refit("", wide, at))])
-    found = refit(stated.model, at, stated, [], finite=starts, thorough=True)
+    found = refit(at, stated, [], finite=starts, thorough=True)
     tried = contenders(context, [((r.effect,), r) for r in found])
     return _ranked([c for c in tried if np.isfinite(c.joint)], wrong, name, predicted, context)
 
@@ -121,19 +103,19 @@ def _promising(fit: Fit, bench: Bench, name: str, target: float, candidates: Seq
     """Return the effects that repair a step of a parameter towards its target, to first order."""
     value, sd = fit.values[name], fit.sd[name]
     step = min(_STEP * sd, abs(target - value)) if np.isfinite(sd) else abs(target - value) / _STEP
-    model, problem = _held(fit, bench, {name: value + float(np.copysign(step, target - value))})
+    problem = _held(fit, bench, {name: value + float(np.copysign(step, target - value))})
     keep = [fit.problem.names.index(n) for n in problem.names]
     (spoilt,) = fit_problems([problem], [fit.minimum.x[keep]], iterations=8)
     excess = 2 * spoilt.cost - float(np.sum(fit.minimum.residual[: fit.problem.bench.n_rows] ** 2))
-    scored = screen(model, spoilt, problem, candidates)
+    scored = screen(spoilt, problem, candidates)
     return [c for c in scored if c.score > _LINEAR * excess][:_SHORTLIST]
 
 
-def _held(fit: Fit, bench: Bench, held: Mapping[str, float]) -> tuple[Model, Problem]:
-    """Return the model and its problem with some values held, and with all that the rig knows."""
+def _held(fit: Fit, bench: Bench, held: Mapping[str, float]) -> Problem:
+    """Return the problem with some values held, and with all that the rig knows."""
     known = {**{n: fit.values[n] for n in fit.problem.gaussian if n in fit.problem.free}, **held}
     model = Model(fit.model.base, fit.model.effects, {**fit.model.known, **known})
-    return model, Problem(model, bench, fit.problem.units, {})
+    return Problem(model, bench, fit.problem.units, {})
 
 
 def _scanned(fit: Fit, stated: Problem, name: str, target: float, candidate: Candidate) -> list[FarStart]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.simplicity import simplicity
+from discovery.declarations.registry import simplicity
 from discovery.diagnosis.manoeuvre_design import (
     MotorLimits,
     Move,
@@ -24,8 +24,7 @@ from discovery.diagnosis.manoeuvre_design import (
     hub_drive,
     known_part,
 )
-from discovery.diagnosis.move_search import MoveSearch
-from discovery.diagnosis.rival_distance import Distance, Trial, distance_on_given
+from discovery.diagnosis.rival_distance import Distance, MoveSearch, Trial, distance_on_given
 from discovery.estimation.fit import Fit
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
@@ -44,47 +43,26 @@ _OVERSHOOT = 1.1
 
 @dataclass(frozen=True)
 class Separation:
-    """The manoeuvre that separates rivals.
+    """The manoeuvre that separates rivals."""
 
-    Parameters
-    ----------
-    rivals : tuple of str
-        Names of the rivals, physically simplest first.
-    similarities : ndarray, shape (r, r)
-        See `similarity_matrix`, in the same order; NaN where a rival has no sensitivity of its own.
-    limits : MotorLimits
-        What the input was allowed, in its unit.
-    moves : tuple of Move
-        The manoeuvre; empty where the system is let go.
-    columns : tuple of str
-        Of the table, with their units.
-    table : ndarray, shape (n, 2)
-        Time [s] and motor angle [rad] or another input, at the rate of the given recordings. Of a release: time and
-        what each rival predicts.
-    given, designed : Distance
-        Of the nearest pair on the given recordings, where parameters are as free as they can be, and on the manoeuvre;
-        zero there where every manoeuvre that was tried exceeds the deflection that is allowed.
-    deflection : float
-        Largest deflection that a rival predicts, as it is read.
-    evaluations : int
-        Manoeuvres tried.
-    release : float
-        How far from rest the system is let go, at no speed [q]; zero where its input moves it.
-    unit, deflection_unit : str
-        SI units of the coordinate q, and of deflections: those of an accelerometer are accelerations.
-    """
-
-    rivals: tuple[str, ...]
+    rivals: tuple[str, ...]  # names of the rivals, physically simplest first
+    #: (r, r): see `similarity_matrix`, in the same order; NaN where a rival has no sensitivity of its own.
     similarities: FloatArray
-    limits: MotorLimits
-    moves: tuple[Move, ...]
-    columns: tuple[str, ...]
+    limits: MotorLimits  # what the input was allowed, in its unit
+    moves: tuple[Move, ...]  # the manoeuvre; empty where the system is let go
+    columns: tuple[str, ...]  # of the table, with their units
+    #: (n, 2): time [s] and motor angle [rad] or another input, at the rate of the given recordings. Of a release: time
+    #: and what each rival predicts.
     table: FloatArray
+    #: given, designed: of the nearest pair on the given recordings, where parameters are as free as they can be, and on
+    #: the manoeuvre; zero there where every manoeuvre that was tried exceeds the deflection that is allowed.
     given: Distance
     designed: Distance
-    deflection: float
-    evaluations: int
-    release: float = 0.0
+    deflection: float  # largest deflection that a rival predicts, as it is read
+    evaluations: int  # manoeuvres tried
+    release: float = 0.0  # how far from rest the system is let go, at no speed [q]; zero where its input moves it
+    #: unit, deflection_unit: SI units of the coordinate q, and of deflections: those of an accelerometer are
+    #: accelerations.
     unit: str = "rad"
     deflection_unit: str = "rad"
 

@@ -16,8 +16,8 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Closure, Joint, Memory, Mode
-from discovery.declarations.external_force import ExternalForce
 from discovery.declarations.registry import get_effect
+from discovery.declarations.smooth_force import ExternalForce
 from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
@@ -37,17 +37,10 @@ _MOMENT = 1e-6
 
 @dataclass(frozen=True)
 class Law:
-    """A force that depends on the motion.
+    """A force that depends on the motion."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Variables that it depends on, see `Chain.variables`.
-    force : callable
-        The force [s^-2 q], shape (k,), for a mapping of these to arrays (k,).
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # variables that it depends on, see `Chain.variables`
+    #: The force [s^-2 q], shape (k,), for a mapping of these to arrays (k,).
     force: Callable[[Mapping[str, FloatArray]], FloatArray]
 
     def scaled(self, share: float) -> Law:
@@ -130,12 +123,9 @@ class SlowModel:
     ) -> dict[str, FloatArray]:
         """Return what a force may depend on, at times (k,) with input (3, k) and states (2, k).
 
-        Returns
-        -------
-        dict of str to ndarray, shape (k,)
-            An arm: ``time`` [s], ``deflection``, ``angle`` and ``motor_angle`` [rad], ``rate`` of the angle [rad/s]
-            where `names` asks for it, true position ``x``, ``y`` [lengths]. An oscillator: ``time``, ``output`` (the
-            coordinate), ``rate`` and ``input``.
+        Returned (k,): an arm: ``time`` [s], ``deflection``, ``angle`` and ``motor_angle`` [rad], ``rate`` of the angle
+        [rad/s] where `names` asks for it, true position ``x``, ``y`` [lengths]. An oscillator: ``time``, ``output``
+        (the coordinate), ``rate`` and ``input``.
         """
 
         def output(q: FloatArray, drive: FloatArray) -> list[FloatArray]:

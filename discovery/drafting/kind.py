@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
-from discovery.drafting.law_of_motion import FloatArray, own_period, runs_on
+from discovery.drafting.law_of_motion import FloatArray, own_period, rates_of, runs_on
 from discovery.drafting.signals import Signals
-from discovery.recordings.recording_columns import ARM_OUTPUTS, ARM_STEMS
+from discovery.foundation.errors import InputError
+from discovery.foundation.io import Table
+from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
 from discovery.rigs.kinds import Kind
+
+#: Which derivative of a coordinate is read, by the unit of the output.
+_READ = {
+    **{"m": "x", "m/s": "dot(x)", "m/s^2": "ddot(x)"},
+    **{"rad": "angle", "1": "angle", "rad/s": "dot(angle)", "rad/s^2": "ddot(angle)"},
+}
 
 
 class Guess(NamedTuple):
@@ -64,3 +75,126 @@ def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
         return Guess("drive", "an input moves it, and nothing pulls it back to a place of rest")
     back = f"it swings about its rest, once in about {period:.3g} s"
     return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)
+
+
+def trials(table: Table, time: npt.NDArray[np.float64], names: Sequence[str]) -> tuple[str, list[str | float]]:
+    """Return the column that tells the trials of a file apart, and its values in their order; none of them otherwise.
+
+    Its times [s] (n,) begin again with every trial. Of the columns `names`, one may hold for each a value of its own.
+    """
+    begins = np.flatnonzero(np.diff(time) <= 0.0) + 1
+    if not begins.size:
+        return "", []
+    for name in names:
+        try:
+            cells: list[str | float] = table.numbers(name).tolist()
+        except InputError:
+            cells = [str(cell).strip() for cell in table.columns[name]]
+        parts = [set(cells[part[0] : part[-1] + 1]) for part in np.split(np.arange(len(cells)), begins)]
+        values = [value for part in parts for value in part]
+        if all(len(part) == 1 for part in parts) and len(set(values)) == len(values):
+            return name, values
+    return "", []
+
+
+class _Body(NamedTuple):
+    """The words for what moves: its coordinate, and inertia and force with their units."""
+
+    at: str
+    unit: str
+    inertia: str
+    mass: str
+    force: str
+    loss: str
+
+
+_SLIDES = _Body("x", "m", "mass", "kg", "N", "N s / m")
+
+
+_TURNS = _Body("angle", "rad", "inertia", "kg m^2", "N m", "N m s / rad")
+
+
+def equations(found: Signals, time: FloatArray) -> Iterator[str]:
+    """Yield the lines of a table [system] that fits what was recorded at times [s] (n,).
+
+    InputError for an output that is no motion of a body in an SI unit.
+    """
+    unit = si_symbol(found.output.unit)
+    if unit not in _READ or (found.reads == "speed" and not unit.endswith("/s")):
+        raise InputError(
+            f"No equations can be drafted for the output {found.output.name!r} in {found.output.unit!r}, which is not "
+            "a length, an angle, a speed or an acceleration. State its unit in its name, or write the table [system] "
+            "yourself: docs/YOUR_SYSTEM.md shows how."
+        )
+    if unit == "rad/s" and found.input is not None and si_symbol(found.input.unit) == "V":
+        return _motor(found, time)
+    return _body(found, time, _READ[unit])
+
+
+def _motor(found: Signals, time: FloatArray) -> Iterator[str]:
+    assert found.input is not None
+    d, b = rates_of(time, found.output.si, found.input.si, speed=True)
+    lag, gain = (1.0 / d, b / d) if d > 0.0 and b != 0.0 else (0.1, 10.0)
+    constant = 1.0 / gain
+    yield "[system]"
+    yield 'like = "dc_motor"   # a voltage turns it, its speed is read; docs/YOUR_SYSTEM.md'
+    yield ""
+    yield "[system.constants]"
+    # A torque constant that is wrong but known would need negative losses, and effects would stand in for them.
+    yield "# The recording tells no more than ratios. Without a data sheet, leave the lines, remove the marks:"
+    yield "# what is missing is found, but inertia and torques count as at 1 ohm, and linear losses as torque constant."
+    yield f'torque_constant = {{ guess = {constant:.3g}, unit = "N m / A" }}   # FILL IN value = that of the data sheet'
+    yield 'resistance = { value = 1.0, unit = "ohm" }   # FILL IN value = that of the data sheet'
+    yield f'inertia = {{ guess = {lag * constant**2:.3g}, unit = "kg m^2" }}'
+    then = f"guess = {constant**2 / 10.0:.2g} beside a torque constant of the data sheet"
+    yield f'loss = {{ value = 0.0, unit = "N m s" }}   # FILL IN {then}'
+
+
+def _body(found: Signals, time: FloatArray, output: str) -> Iterator[str]:
+    body = _TURNS if "angle" in output else _SLIDES
+    at, rate = body.at, f"dot({body.at})"
+    unit = None if found.input is None else si_symbol(found.input.unit)
+    base, force = found.moved and unit == body.unit, unit == si_symbol(body.force)
+    given = None if found.input is None else found.input.si
+    period = None if output != at and given is not None else own_period(time, found.output.si, given)
+    springs = base or period is not None
+    way, slip = (f"({at} - base)", f"({rate} - dot(base))") if base else (at, rate)
+    yield "[system]   # each line is an example, guessed: correct it; docs/YOUR_SYSTEM.md"
+    yield f'coordinates = {{ {at} = "{body.unit}" }}'
+    if unit is not None:
+        yield f'input = {{ {"base" if base else "drive"} = "{body.force if force else unit}" }}'
+    yield f'kinetic = "{body.inertia}*{rate}^2/2"'
+    yield f'{"" if springs else "# "}potential = "stiffness*{way}^2/2"   # of a spring'
+    yield f'dissipation = "damping*{slip}^2/2"'
+    if unit is not None and not base:
+        yield f'forces = {{ {at} = "{"drive" if force else "gain*drive"}" }}'
+    yield f'output = "{output}"'
+    yield f'places = {{ {"spring" if springs else "body"} = "{way.strip("()")}" }}   # where effects may act'
+    yield ""
+    d, b = (
+        (0.0, 0.0)
+        if "ddot" in output or base
+        else rates_of(time, found.output.si, given, speed=output == rate, spring=springs)
+    )
+    yield from _constants(body, period if springs else 0.0, d, b, None if base or force else unit, force)
+
+
+def _constants(
+    body: _Body, period: float | None, damping: float, gain: float, unit: str | None, force: bool
+) -> Iterator[str]:
+    """Yield the constants with what the recording tells of them; a `period` of 0 says that there is no spring."""
+    inertia = 1.0 / gain if force and gain > 0.0 else 1.0
+    stiffness = inertia * (2.0 * np.pi / (period or 1.0)) ** 2
+    loss = inertia * damping if damping > 0.0 else 0.1 * np.sqrt(stiffness * inertia)
+    yield "[system.constants]   # a value is known, a guess is fitted from there"
+    known = (
+        f'guess = {inertia:.3g}, unit = "{body.mass}" }}'
+        if force
+        else f'value = 1.0, unit = "{body.mass}" }}   # FILL IN what is known; only ratios to it are fitted'
+    )
+    yield f"{body.inertia} = {{ {known}"
+    mark = "# " if period == 0.0 else ""
+    yield f'{mark}stiffness = {{ guess = {stiffness:.3g}, unit = "{body.force} / {body.unit}" }}'
+    yield f'damping = {{ guess = {loss:.3g}, unit = "{body.loss}" }}'
+    if unit is not None:
+        yield f'gain = {{ guess = {gain or 1.0:.3g}, unit = "{body.force} / ({unit})" }}'

@@ -63,19 +63,12 @@ _FORCES = ("V", "A", "N", "J", "N m")
 
 
 class Meaning(NamedTuple):
-    """What a name says.
+    """What a name says."""
 
-    Attributes
-    ----------
-    role : str
-        ``"time"``, ``"cause"``, ``"moved"`` (motion of a base), ``"height"``, ``"motion"``, ``"speed"``,
-        ``"acceleration"``, ``"other"`` (neither cause nor motion), or ``""`` where the name says nothing.
-    unit : str or None
-        As the name states it, None where it does not.
-    """
-
+    #: ``"time"``, ``"cause"``, ``"moved"`` (motion of a base), ``"height"``, ``"motion"``, ``"speed"``,
+    #: ``"acceleration"``, ``"other"`` (neither cause nor motion), or ``""`` where the name says nothing.
     role: str
-    unit: str | None
+    unit: str | None  # as the name states it, None where it does not
 
 
 def meaning_of(name: str) -> Meaning:

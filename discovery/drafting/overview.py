@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from discovery.declarations.units import quoted, si_symbol
-from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
-from discovery.drafting.law_of_motion import FloatArray, own_period
+from discovery.drafting.law_of_motion import LOOKS, FloatArray, is_one_line, is_relative, own_period
 from discovery.foundation.arguments import expect
 from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import median_step
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
-from discovery.signals.periods import find_periods
+from discovery.signals.spectral_lines import find_periods
 
 #: Of a step, by which times of a steady rate may differ.
 _JITTER = 0.05
@@ -57,7 +56,6 @@ def overview(dataset: Dataset) -> dict[str, Any]:
     """
     expect(dataset, Dataset, "dataset", "Read one with load_dataset(rig, train, holdout).")
     rig = dataset.rig
-    every = (*dataset.everything, *(("test", e) for e in dataset.test))
     return {
         "rig": {
             "name": rig.name,
@@ -67,7 +65,7 @@ def overview(dataset: Dataset) -> dict[str, Any]:
             "file": None if rig.path is None else str(rig.path),
             "to_fill_in": list(rig.unfilled),
         },
-        "recordings": [_recording(role, experiment) for role, experiment in every],
+        "recordings": [_recording(role, experiment) for role, experiment in dataset.with_test],
     }
 
 

@@ -14,17 +14,14 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
-from discovery.drafting.base_motion import LOOKS, is_one_line, is_relative
-from discovery.drafting.equations import equations
-from discovery.drafting.kind import Guess, fits, guess_kind, has_columns_of_an_arm
+from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, trials
+from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
-from discovery.drafting.trials import trials
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
-from discovery.recordings.quantisation import quantum, resolution
-from discovery.recordings.reading_noise import estimate_noise
-from discovery.recordings.recording_columns import ARM_STEMS
+from discovery.recordings.file_signals import ARM_STEMS
+from discovery.recordings.reading_noise import estimate_noise, quantum, resolution
 from discovery.rigs.kinds import KINDS
 
 #: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.

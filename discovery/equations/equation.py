@@ -12,7 +12,7 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Dissipation, Effect, Kinetic, Load, Memory, Mode, Potential
 from discovery.declarations.registry import get_effect
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.equations.contributions import strands
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
@@ -29,31 +29,17 @@ _FORCE = sp.Symbol("F", real=True)
 
 @dataclass(frozen=True)
 class EquationTerms:
-    """Inertia times acceleration, plus the terms, equals the drive.
+    """Inertia times acceleration, plus the terms, equals the drive."""
 
-    Parameters
-    ----------
-    inertia : sympy.Expr
-        Factor of the acceleration [1].
-    acceleration : sympy.Symbol
-        theta_t'' of an arm, q'' of an oscillator, u'' of a prescribed motion.
-    terms : tuple of (str, sympy.Expr)
-        What the base (under its name) and each effect (under its id) add to the left-hand side [q s^-2]; an effect of
-        shape adds nothing itself but changes the others.
-    drive : sympy.Expr
-        The right-hand side [q s^-2].
-    memory : tuple of (sympy.Symbol, sympy.Expr)
-        States of memory effects and modes with their time derivatives.
-    output : sympy.Expr or None
-        What is read of an oscillator, the errors of its instrument left out: q, q'' or the force F, with the modes;
-        None for an arm.
-    """
-
-    inertia: sp.Expr
-    acceleration: sp.Symbol
+    inertia: sp.Expr  # factor of the acceleration [1]
+    acceleration: sp.Symbol  # theta_t'' of an arm, q'' of an oscillator, u'' of a prescribed motion
+    #: What the base (under its name) and each effect (under its id) add to the left-hand side [q s^-2]; an effect of
+    #: shape adds nothing itself but changes the others.
     terms: tuple[tuple[str, sp.Expr], ...]
-    drive: sp.Expr
-    memory: tuple[tuple[sp.Symbol, sp.Expr], ...]
+    drive: sp.Expr  # the right-hand side [q s^-2]
+    memory: tuple[tuple[sp.Symbol, sp.Expr], ...]  # states of memory effects and modes with their time derivatives
+    #: What is read of an oscillator, the errors of its instrument left out: q, q'' or the force F, with the modes; None
+    #: for an arm.
     output: sp.Expr | None = None
 
 
@@ -146,10 +132,7 @@ def equation_terms(model: Sum) -> EquationTerms:
     and u'' where it is a motion, for an oscillator; parameters by name. theta_m is what the arm receives, u what the
     oscillator does. Of a prescribed motion u is the coordinate, and the force F that it takes drives.
 
-    Raises
-    ------
-    InputError
-        For a base with several coordinates, or one whose mechanics has no closed form.
+    Raises InputError for a base with several coordinates, or one whose mechanics has no closed form.
     """
     return _terms(model.base, model.effects)
 
@@ -203,10 +186,7 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
 def equation_of_motion(model: Sum) -> sp.Eq:
     """Return acceleration + ... = 0 (or = the drive) of a model, see `equation_terms`.
 
-    Raises
-    ------
-    InputError
-        For a base with several coordinates, or one whose mechanics has no closed form.
+    Raises InputError for a base with several coordinates, or one whose mechanics has no closed form.
     """
     found = equation_terms(model)
     left = found.inertia * found.acceleration + sp.Add(*[term for _, term in found.terms])

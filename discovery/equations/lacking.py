@@ -20,16 +20,9 @@ def candidates(
 ) -> tuple[str, ...]:
     """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    unit : str
-        Unit of an oscillator's coordinate: laws of an angle ask for radians.
-    declared : collection of str, optional
-        Effects of the model that its rig file declares, which say whether anything ties the coordinate; all otherwise.
-    turns : bool
-        Whether the recorded motion turns back, which laws of memory ask for.
+    `unit`: unit of an oscillator's coordinate: laws of an angle ask for radians. `declared`: effects of the model that
+    its rig file declares, which say whether anything ties the coordinate; all otherwise. `turns`: whether the recorded
+    motion turns back, which laws of memory ask for.
     """
     acting = _at_places(model) if model.mechanics.places() else _on_the_coordinate(model, unit, declared)
     return tuple(e for e in acting if turns or not get_effect(e).remembers)
@@ -57,12 +50,8 @@ def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None
 def ever_candidates(bases: Iterable[str], unit: str = "rad") -> frozenset[str]:
     """Return the effects that models on some bases may lack, whatever a rig file declares: without a base, at places.
 
-    Parameters
-    ----------
-    bases : iterable of str
-        Names of bases that are built in; none of them stands for every declared system.
-    unit : str
-        As in `candidates`.
+    `bases`: names of bases that are built in; none of them stands for every declared system. `unit`: as in
+    `candidates`.
 
     Examples
     --------

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.registry import get_effect
-from discovery.equations.known_names import check_declared
+from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.smooth_force import ExternalForce, SmoothForce
 from discovery.foundation.arguments import as_words, check_keys, check_names, check_number, expect
 from discovery.foundation.errors import InputError
-from discovery.mechanics import get_base
-from discovery.mechanics.places import check_place
-from discovery.mechanics.systems import declaration_of, know_system
+from discovery.mechanics import base_names, get_base
+from discovery.mechanics.systems import check_place, declaration_of, know_system
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -157,3 +156,28 @@ class Model:
         from discovery.equations.equation import equation_of_motion
 
         return equation_of_motion(self)
+
+
+@cache
+def _declared() -> frozenset[str]:
+    """Return the parameters of all bases that are built in and of all effects."""
+    effects = [*catalogue().values(), ExternalForce(), SmoothForce()]
+    bases = [p.name for name in base_names() for p in get_base(name).parameters()]
+    return frozenset([*bases, *(p.name for effect in effects for p in effect.parameters())])
+
+
+def check_declared(model: Model, names: Iterable[str]) -> None:
+    """Refuse names of parameters that neither a model nor the catalogue has.
+
+    What a rig file states serves every model of it: parameters of effects that a model lacks are no mistake, and
+    initial states of recordings neither.
+
+    Raises InputError with the parameters that the model has.
+    """
+    unusual = [n for n in names if n not in _declared() and not (isinstance(n, str) and n.endswith("]"))]
+    if not unusual:
+        return
+    places = tuple(f"_{place}" for place in model.mechanics.places())
+    own = model.parameters
+    strangers = [n for n in unusual if n not in own and not (places and str(n).endswith(places))]
+    check_names(strangers, own, "The model", "parameter")

@@ -42,41 +42,18 @@ __all__ = ["RECORDED", "Program", "build_program"]
 
 @dataclass(frozen=True)
 class Program:
-    """Straight-line mathematics of one base with a set of effects.
+    """Straight-line mathematics of one base with a set of effects."""
 
-    Parameters
-    ----------
-    parameters : tuple of str
-        Order of the parameters.
-    states : tuple of sympy.Symbol
-        Coordinates, rates, then the states of memory effects.
-    n_coordinates : int
-        Number of coordinates.
-    drive : tuple of (sympy.Symbol, sympy.Expr)
-        What the system receives, from the recorded input and time.
-    derivative : tuple of (sympy.Symbol, sympy.Expr)
-        Assignments that end in `slopes`.
-    slopes : tuple of sympy.Expr
-        Time derivative of each state.
-    reading : tuple of sympy.Expr
-        What the instrument reports: tip x, y [m], or the output.
-    lateness : sympy.Expr
-        Age of the reported state [s].
-    rod : Rod
-        The rod as the effects change it.
-    relaxation : tuple of (sympy.Symbol, sympy.Expr)
-        How fast states of memory forget at most [s^-1], of those that steps need not resolve.
-    """
-
-    parameters: tuple[str, ...]
-    states: tuple[sp.Symbol, ...]
-    n_coordinates: int
-    drive: tuple[tuple[sp.Symbol, sp.Expr], ...]
-    derivative: tuple[tuple[sp.Symbol, sp.Expr], ...]
-    slopes: tuple[sp.Expr, ...]
-    reading: tuple[sp.Expr, ...]
-    lateness: sp.Expr
-    rod: Rod = STRAIGHT
+    parameters: tuple[str, ...]  # order of the parameters
+    states: tuple[sp.Symbol, ...]  # coordinates, rates, then the states of memory effects
+    n_coordinates: int  # number of coordinates
+    drive: tuple[tuple[sp.Symbol, sp.Expr], ...]  # what the system receives, from the recorded input and time
+    derivative: tuple[tuple[sp.Symbol, sp.Expr], ...]  # assignments that end in `slopes`
+    slopes: tuple[sp.Expr, ...]  # time derivative of each state
+    reading: tuple[sp.Expr, ...]  # what the instrument reports: tip x, y [m], or the output
+    lateness: sp.Expr  # age of the reported state [s]
+    rod: Rod = STRAIGHT  # the rod as the effects change it
+    #: How fast states of memory forget at most [s^-1], of those that steps need not resolve.
     relaxation: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
 
     @cached_property
@@ -102,10 +79,7 @@ class Program:
     def form(self, parameters: Sequence | NDArray) -> tuple:
         """Return the deflection of the unloaded rod [q] and the turn of its root per curvature [-].
 
-        Parameters
-        ----------
-        parameters : sequence of float or of ndarray, shape (k,)
-            Values in the order of `parameters`.
+        `parameters` each (k,): values in the order of `parameters`.
         """
         return (0, 0) if self.rod == STRAIGHT else self._form(parameters)
 
@@ -153,10 +127,7 @@ def _told(reading: sp.Expr, accelerations: Sequence[sp.Expr], program: Assignmen
 def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     """Return the mathematics of a base with a set of effects.
 
-    Raises
-    ------
-    InputError
-        If an effect needs the linear stiffness and nothing declares it.
+    Raises InputError if an effect needs the linear stiffness and nothing declares it.
     """
     base = get_base(base_name)
     effects = [get_effect(e) for e in effect_ids]

@@ -12,10 +12,9 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 from discovery.simulation import simulate
-from discovery.simulation.classical_step import classical_step
 from discovery.simulation.kernel.compile import leaps
 from discovery.simulation.runge_kutta import CLASSICAL, dormand_prince
-from discovery.simulation.simulate import Batch, Misses, Simulator
+from discovery.simulation.simulate import Batch, Misses, Simulator, classical_step
 
 #: Residuals are simulated in pieces of about this many numbers, so that memory stays bounded.
 _PIECE = 4e7
@@ -28,18 +27,9 @@ _CHANNELS: dict[tuple[str, ...], int] = {("tip_angle",): 1, ("tip_deflection",):
 class Bench:
     """Simulators of one base with a common set of effects on all experiments: many problems share them.
 
-    Parameters
-    ----------
-    base : str
-        Name of the base.
-    effects : sequence of str
-        Every effect that any problem on this bench may use.
-    experiments : sequence of Experiment
-        Recordings.
-    step : float
-        Longest integration step of the classical method [s]; the pace of an experiment makes some shorter.
-    leap : float, optional
-        Longest step of the method of order eight [s]. It replaces the classical one where the terms suit it.
+    `base`: name of the base. `effects`: every effect that any problem on this bench may use. `step`: longest
+    integration step of the classical method [s]; the pace of an experiment makes some shorter. `leap`: longest step of
+    the method of order eight [s]. It replaces the classical one where the terms suit it.
     """
 
     def __init__(

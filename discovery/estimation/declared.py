@@ -1,19 +1,43 @@
-"""What a rig file declares to be fitted: its model, and what may move within its uncertainty."""
+"""What a rig file declares to be fitted, and its first fit: where guesses lead nowhere, it is led there by parts.
+
+They lead nowhere where the model blows up, and perhaps where it leaves much of the motion or ends at a bound: a free
+run over many swings has minima that explain nothing, and what is added to such a fit explains its mistakes.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
-from discovery.estimation.problem import LIGHT_ROD, known_values
-from discovery.foundation.errors import InputError
+from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
+from discovery.estimation.fit import Fit, fit
+from discovery.estimation.guess import restoring
+from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.problem import LIGHT_ROD, conventions, known_values
+from discovery.estimation.residual import explains
+from discovery.foundation.errors import ComputationError, InputError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 
+#: What is known within an uncertainty: mean and standard deviation, by parameter.
+Known = Mapping[str, tuple[float, float]]
 #: Retardation time of an ordinary rod's material, with its standard deviation [s]: fibre composites lose 0.5 to 1 % of
 #: their elastic energy per radian of a vibration at some 50 rad/s, where such a rod rings.
 RETARDATION, RETARDATION_SD = 1.5e-4, 1e-4
+#: Parts of the recordings that are followed one after the other, and how many readings the first one has at least.
+_PARTS, _FEWEST = tuple(2.0**-k for k in range(8, -1, -1)), 64
+#: A swing that is lost among n leaves about 2/n of the variance: a fit that leaves less than this has lost none of 20.
+_LEFT = 0.1
+#: A model that lacks an effect has minima about equally low: only one that leaves less than this part is better.
+_BETTER = 0.5
+#: What leaves less than so many noise variances a reading has no need of another start;
+_NOISE = 2.0
+#: effects with more declared starts than this are scanned elsewhere; each is followed for so many steps.
+_MOST_STARTS, _FOLLOWED = 12, 15
 
 
 def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
@@ -69,3 +93,128 @@ def declared_model(experiment: Experiment | Dataset) -> Model:
         if get_effect(effect).angular and not experiment.system.has_rod and unit != "rad":
             raise InputError(f"Effect {effect} needs an angle in rad, but the coordinate is in {unit}.")
     return Model(experiment.rig.base, tuple(experiment.rig.declared), known_values(experiment))
+
+
+def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
+    """Fit the model that the rig file declares, wherever its guesses lead.
+
+    A fit that leaves much of the motion, or that a bound stops, is tried again along growing parts of the recordings,
+    and the other one is returned if it leaves less than half.
+
+    `experiments`: recordings to fit. Raises ComputationError if the model blows up from its guesses, and cannot be led
+    to the end of the recordings either.
+    """
+    model = declared_model(experiments[0])
+    gaussian = {} if experiments[0].system.has_rod else rig_uncertainty(experiments[0])
+    try:
+        found = fit(model, experiments, units=units, gaussian=gaussian)
+    except ComputationError:
+        again = _led_fit(model, experiments, units, gaussian)
+        if again is None:
+            raise
+        return _freed(again, experiments)
+    if _is_doubtful(found):
+        found = _better(found, _led_fit(model, experiments, units, gaussian))
+    return _freed(_better(found, _from_elsewhere(found, experiments)), experiments)
+
+
+def _better(found: Fit, again: Fit | None, part: float = _BETTER) -> Fit:
+    """Return another fit if it leaves less than a part of what the one found leaves."""
+    return again if again is not None and again.chi2 < part * found.chi2 else found
+
+
+def _from_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit | None:
+    """Return the fit from another declared start of one of its effects; None where none promises less than half.
+
+    An amplitude of which nothing is known, as the width of a play, may be off by any factor, and the constants with it:
+    they begin at their guesses, and where the first fit ended.
+    """
+    problem, units = found.problem, found.problem.units
+    if found.chi2 < _NOISE * problem.bench.n_data:
+        return None
+    laws = {p.name: p for p in problem.model.parameters.values() if p.name in problem.free and not p.physical}
+    scanned = {*problem.gaussian, restoring(problem.model)}
+    starts = [
+        problem.start({**known, name: value * units.scale(p)})
+        for known in ({}, {n: v for n, v in found.values.items() if n not in laws})
+        for name, p in laws.items()
+        for value in (p.starts if name not in scanned and 1 < len(p.starts) <= _MOST_STARTS else ())
+    ]
+    minima = fit_problems([problem] * len(starts), starts, iterations=_FOLLOWED, tolerance=1e-3, rough=True)
+    best = min(minima, key=lambda m: m.cost, default=None)
+    if best is None or not 2 * best.cost < _BETTER * found.chi2:
+        return None
+    return _fit_from(problem.named(best.x), found.model, experiments, units, problem.gaussian)
+
+
+def _freed(found: Fit, experiments: Sequence[Experiment]) -> Fit:
+    """Return a fit with what its laws hold by convention free: held, another law would seem to be missing."""
+    problem, model = found.problem, found.model
+    laws = conventions(model.effects, problem.units)
+    held = {n: known for n, known in laws.items() if n not in problem.free and n not in model.known}
+    if not held:
+        return found
+    again = _fit_from(found.values, model, experiments, problem.units, {**problem.gaussian, **held})
+    return _better(found, again, part=1.0)
+
+
+def _is_doubtful(found: Fit) -> bool:
+    """Return whether a fit may have ended in a minimum that is not the lowest."""
+    problem = found.problem
+    if problem.model.mechanics.prescribed:
+        # Without a simulated motion there are no swings to lose.
+        return False
+    return _is_stopped(found) or not explains(problem, found.chi2, _LEFT)
+
+
+def _is_stopped(found: Fit) -> bool:
+    """Return whether a bound holds a parameter of a fit: one at which an effect is absent is an answer like others."""
+    problem = found.problem
+    held = {*found.minimum.bound(problem.names)}.intersection(problem.free).difference(problem.gaussian)
+    stopped = [problem.model.parameters[name] for name in held]
+    return any(found.values[p.name] != p.default * problem.units.scale(p) for p in stopped)
+
+
+def _led_fit(model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known) -> Fit | None:
+    """Return the fit that is led to the end of the recordings; None where it does not get there."""
+    values, part = led(model, experiments, units, gaussian)
+    return None if part < 1.0 else _fit_from(values, model, experiments, units, gaussian)
+
+
+def _fit_from(
+    values: Mapping[str, float], model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known
+) -> Fit | None:
+    """Return the fit from a start; None where there is none from there."""
+    try:
+        return fit(model, experiments, units=units, gaussian=gaussian, start=values)
+    except ComputationError:
+        return None
+
+
+def led(
+    model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known
+) -> tuple[dict[str, float], float]:
+    """Return the values that follow the longest first part of recordings, and which part that is.
+
+    Over a short part no start blows up, and there its values become good enough for a part of twice that length.
+    """
+    values: dict[str, float] = {}
+    followed, step = 0.0, float("inf")
+    for part in _PARTS:
+        first = [_beginning(e, part) for e in experiments]
+        try:
+            bench = Bench(model.base, model.effects, first, step) if values else None
+            found = fit(model, first, units=units, gaussian=gaussian, start=values, bench=bench)
+        except ComputationError:
+            if values:
+                break
+            continue
+        values, followed, step = found.values, part, found.problem.bench.step
+    return values, followed
+
+
+def _beginning(experiment: Experiment, part: float) -> Experiment:
+    """Return the first part of a recording, long enough to hold some readings between its gaps."""
+    present = np.flatnonzero(np.isfinite(experiment.deflection[experiment.fitted]))
+    fewest = present[:_FEWEST][-1] + 1 if present.size else 0
+    return experiment.first(max(_FEWEST, int(fewest), round(part * experiment.recording.time[experiment.fitted].size)))

@@ -256,20 +256,9 @@ def _turned(
     this second order is the geodesic acceleration of Transtrum and Sethna, arXiv:1201.5885 (2012). It is shortened to
     where it is a small correction.
 
-    Parameters
-    ----------
-    x : ndarray, shape (p,)
-        Where the steps begin.
-    trials : ndarray, shape (p, k)
-        Where the straight ones end.
-    changes : ndarray, shape (n, k)
-        What they change of the residuals.
-    jacobian : ndarray, shape (n, p)
-        At `x`.
-    damped : sequence of ndarray, shape (f, f)
-        Scaled normal matrix of the free parameters for each trial, with its damping.
-    free : ndarray of bool, shape (p,)
-        Which parameters move.
+    `x` (p,): where the steps begin. `trials` (p, k): where the straight ones end. `changes` (n, k): what they change of
+    the residuals. `jacobian` (n, p): at `x`. `damped` each (f, f): scaled normal matrix of the free parameters for each
+    trial, with its damping. `free` (p,): which parameters move.
     """
     size = np.sqrt(np.maximum(np.einsum("np,np->p", jacobian, jacobian), 1e-300))
     turned = trials.copy()

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from discovery.equations.model import Model
-from discovery.estimation.asked import check_start, fitted_recordings, given_uncertainty
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
-from discovery.estimation.guess import restoring, scan, staged_start
+from discovery.estimation.guess import restoring, scan, staged_start, start_of_system
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.physical import physical_parameters, physical_rows
 from discovery.estimation.problem import Problem
-from discovery.estimation.scattered import start_of_system
+from discovery.estimation.start_values import check_start, fitted_recordings, given_uncertainty
 from discovery.estimation.step import TOLERANCE, choose_step
 from discovery.estimation.step_control import tightened
 from discovery.foundation.arguments import check_number
@@ -252,10 +251,7 @@ def fit(
 def fit_near(problem: Problem, values: Mapping[str, float]) -> Fit:
     """Return the fit next to a start that is a good one already: quicker than `fit`, which searches.
 
-    Raises
-    ------
-    SimulationFailure
-        If the model blows up there.
+    Raises SimulationFailure if the model blows up there.
     """
     (minimum,) = fit_problems([problem], [problem.start(values)], iterations=25, tolerance=1e-6, rough=True)
     return _at(problem, minimum)

@@ -1,12 +1,13 @@
-"""Generalised least squares: problems fitted, each under a model error of a size, to parts of recordings or to all."""
+"""Fits once a search is over: generalised least squares on all recordings; intervals that odds exclude left out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from discovery.declarations.registry import get_effect
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
@@ -17,6 +18,8 @@ from discovery.foundation.arrays import FloatArray
 
 #: Rounds in which a fit to a part becomes one to all.
 _ITERATIONS = 25
+#: Squared distance from none, in variances, up to which an interval of 90 % holds none.
+_HOLDS = 1.645**2
 
 
 def generalised(
@@ -49,16 +52,35 @@ def fitted_to_all(found: Fit, error: float, bench: Bench) -> Fit:
     Intervals stay those of the part: a model error in a parameter's direction does not average out, and without one
     they are wider than all readings would give.
 
-    Parameters
-    ----------
-    found : Fit
-        On parts of the recordings; it is returned where the motion blows up beyond them.
-    error : float
-        Size of the model error [noise sds].
-    bench : Bench
-        Simulators of the recordings, of the same names.
+    `found`: on parts of the recordings; it is returned where the motion blows up beyond them. `error`: size of the
+    model error [noise sds]. `bench`: simulators of the recordings, of the same names.
     """
     problem = replace(found.problem, bench=bench)
     start = problem.start(found.values)
     (minimum,) = generalised([problem], [start], [error], iterations=_ITERATIONS, tolerance=1e-6)
     return replace(found, problem=problem, minimum=minimum) if np.isfinite(minimum.cost) else found
+
+
+def without_bent(fit: Fit, effects: Iterable[str]) -> Fit:
+    """Return a fit without the intervals of effects that hold none of the effect, though it is known to be there.
+
+    The odds compare with a refit that lacks the effect, an interval extrapolates to it from the slopes at the estimate.
+    Where the two contradict each other the posterior is not normal: a law that saturates, a valley that ends before
+    the amplitude vanishes.
+
+    `fit`: with intervals to first order. `effects`: effects whose absence the odds exclude.
+    """
+    at = {n: i for i, n in enumerate(fit.problem.names)}
+    reasons, covariance = dict(fit.reasons), fit.covariance.copy()
+    for effect in effects:
+        own = [p for p in get_effect(effect).parameters() if p.name in at and p.name not in fit.reasons]
+        sizes = [at[p.name] for p in own if not p.shape]
+        spread = np.sqrt(np.diag(fit.covariance)[sizes])
+        away = fit.minimum.x[sizes] / spread
+        known = fit.covariance[np.ix_(sizes, sizes)] / np.outer(spread, spread)
+        if not sizes or not away @ np.linalg.pinv(known, hermitian=True) @ away < _HOLDS:
+            continue
+        for p in own:
+            reasons[p.name] = "its posterior is too bent for an interval"
+            covariance[at[p.name], :] = covariance[:, at[p.name]] = np.nan
+    return replace(fit, reasons=reasons, covariance=covariance)

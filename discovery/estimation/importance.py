@@ -35,27 +35,13 @@ _TAIL = 25
 
 @dataclass(frozen=True)
 class Weighted:
-    """Weighted draws from a density.
+    """Weighted draws from a density."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, d)
-        Where it was evaluated.
-    weights : ndarray, shape (n,)
-        Pareto-smoothed, of sum one.
-    log_integral : float
-        Logarithm of the integral of the density.
-    error : float
-        Standard error of `log_integral`.
-    pareto_k : float
-        Shape of the largest weights; above `LARGEST_K` nothing here can be trusted.
-    """
-
-    points: FloatArray
-    weights: FloatArray
-    log_integral: float
-    error: float
-    pareto_k: float
+    points: FloatArray  # (n, d), where it was evaluated
+    weights: FloatArray  # (n,), Pareto-smoothed, of sum one
+    log_integral: float  # logarithm of the integral of the density
+    error: float  # standard error of `log_integral`
+    pareto_k: float  # shape of the largest weights; above `LARGEST_K` nothing here can be trusted
 
     @property
     def effective(self) -> float:
@@ -137,21 +123,8 @@ def importance_sample(
 def weighed(log_density: LogDensity, proposal: Proposal, rng: Generator, count: int) -> Weighted:
     """Draw from a proposal and weigh.
 
-    Parameters
-    ----------
-    log_density : callable
-        Log density at points (k, d).
-    proposal : Proposal
-        What to draw from.
-    rng : Generator
-        Source of the draws.
-    count : int
-        How many.
-
-    Raises
-    ------
-    ComputationError
-        If hardly a draw has a finite density.
+    `log_density`: log density at points (k, d). `proposal`: what to draw from. `rng`: source of the draws. `count`: how
+    many. Raises ComputationError if hardly a draw has a finite density.
     """
     points, log_proposal = proposal.draw(rng, count)
     raw = log_density(points) - log_proposal

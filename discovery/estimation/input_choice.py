@@ -39,20 +39,9 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
 
     Fitted is the declared model, with friction, drag and a cubic spring beside it where that can be.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Returned as it is where the rig file names an interpolation, or there is no input of that kind.
-
-    Returns
-    -------
-    Dataset
-        With every input made smooth in the chosen way, and a note on the training recordings of what was chosen.
-
-    Raises
-    ------
-    InputError
-        If the declared model can be fitted with none of them.
+    `dataset`: returned as it is where the rig file names an interpolation, or there is no input of that kind. Returned:
+    with every input made smooth in the chosen way, and a note on the training recordings of what was chosen. Raises
+    InputError if the declared model can be fitted with none of them.
     """
     column = dataset.rig.columns.input
     if column is None or column.interpolation != "auto":

@@ -7,13 +7,15 @@ Algorithms, 2003, chapter 27).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import lsq_linear
 
-from discovery.estimation.belief import Belief
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal
+from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 
@@ -26,51 +28,24 @@ _BLIND = 1e-13
 
 @dataclass(frozen=True)
 class Mode:
-    """The posterior of the parameters for one size of the model error.
+    """The posterior of the parameters for one size of the model error."""
 
-    Parameters
-    ----------
-    log_evidence : float
-        The size given.
-    white : float
-        Standard deviation of the noise [stated noise sds], at least one.
-    step : ndarray, shape (p,)
-        From the linearisation to the mode.
-    precision : ndarray, shape (p, p)
-        Inverse covariance.
-    gained : float
-        By how much the step raises the logarithm of the posterior.
-    """
-
-    log_evidence: float
-    white: float
-    step: FloatArray
-    precision: FloatArray
-    gained: float
+    log_evidence: float  # the size given
+    white: float  # standard deviation of the noise [stated noise sds], at least one
+    step: FloatArray  # (p,), from the linearisation to the mode
+    precision: FloatArray  # (p, p), inverse covariance
+    gained: float  # by how much the step raises the logarithm of the posterior
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed of the parameters of a linear problem.
+    """What is believed of the parameters of a linear problem."""
 
-    Parameters
-    ----------
-    mean : ndarray, shape (p,)
-        Where the Gaussian ones have their mean.
-    precision : ndarray, shape (p, p)
-        Inverse covariance, of other priors from their widths.
-    pull : ndarray, shape (p, p)
-        The part of it that is Gaussian: others are flat on the scale of the posterior.
-    log_density : float
-        At the linearisation, that of the Gaussian ones at their mean.
-    low, high, frozen
-        As for a belief.
-    """
-
-    mean: FloatArray
-    precision: FloatArray
-    pull: FloatArray
-    log_density: float
+    mean: FloatArray  # (p,), where the Gaussian ones have their mean
+    precision: FloatArray  # (p, p), inverse covariance, of other priors from their widths
+    pull: FloatArray  # (p, p), the part of it that is Gaussian: others are flat on the scale of the posterior
+    log_density: float  # at the linearisation, that of the Gaussian ones at their mean
+    #: low, high, frozen: as for a belief.
     low: FloatArray
     high: FloatArray
     frozen: BoolArray
@@ -140,10 +115,6 @@ def bounded_step(
     return step
 
 
-# An evidence asks for hundreds of modes of a few parameters each: compiled, they cost less than the calls of an array
-# library.
-
-
 @compiled(nogil=True, error_model="numpy")
 def _normal(gram, known, pull, mean):
     # Precision of a posterior, the same and its push for parameters of size one, these sizes, and log determinant.
@@ -182,3 +153,57 @@ def _forms(gram, pull, mean, step):
         pulled += (step[i] - mean[i]) * np.sum(pull[i] * (step - mean))
         stayed += mean[i] * np.sum(pull[i] * mean)
     return left, pulled, stayed
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What is believed of every parameter before the recordings."""
+
+    log_density: FloatArray  # (p,), logarithm of each prior at the linearisation; of what the rig states, at its mean
+    width: FloatArray  # (p,), width of each prior
+    centre: FloatArray  # (p,), mean of what the rig states, NaN elsewhere
+    #: low, high (p,): bounds less the linearisation.
+    low: FloatArray
+    high: FloatArray
+    frozen: BoolArray  # (p,), what lies on a bound and does not move
+
+
+def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequence[float]) -> Belief:
+    """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
+    free, units = problem.free, problem.units
+    log, width, centre = [], [], []
+    for name, value in zip(free, x, strict=False):
+        if name in problem.gaussian:
+            mean, sd = problem.gaussian[name]
+            log.append(-np.log(sd * np.sqrt(2 * np.pi)))
+            width.append(sd)
+            centre.append(mean - value)
+            continue
+        parameter = problem.model.parameters[name]
+        scale = units.scale(parameter)
+        own = _width(parameter.prior, value / scale) * scale
+        density = float(parameter.prior.log_density(value / scale)) - np.log(scale)
+        flat = isinstance(parameter.prior, Flat)
+        log.append(-np.log(own * np.sqrt(2 * np.pi)) if flat else max(density, -1e3))
+        width.append(own)
+        centre.append(np.nan)
+    sizes = [*(state.width for state in problem.states), *more]
+    log += [-np.log(s * np.sqrt(2 * np.pi)) for s in sizes]
+    low, high = problem.bounds
+    return Belief(
+        np.array(log),
+        np.array([*width, *sizes]),
+        np.array([*centre, *([np.nan] * len(sizes))]),
+        np.append(low - x, np.full(len(more), -np.inf)),
+        np.append(high - x, np.full(len(more), np.inf)),
+        np.append(at_bound, np.zeros(len(more), bool)),
+    )
+
+
+def _width(prior: object, value: float) -> float:
+    """Return the width of a prior at a value [natural units]: that of a scale, or with a heavy tail, grows with it."""
+    if isinstance(prior, LogNormal):
+        return max(abs(value), 1e-3 * prior.median) * prior.log_sd
+    if isinstance(prior, HalfStudent):
+        return float(np.sqrt((3 * prior.scale**2 + value**2) / 4))
+    return float(prior.width)  # type: ignore[attr-defined]

@@ -22,36 +22,16 @@ Request = Generator[Wanted, FloatArray, "Minimum"]
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a minimisation ended.
+    """Where a minimisation ended."""
 
-    Parameters
-    ----------
-    x : ndarray, shape (p,)
-        The minimum.
-    cost : float
-        Half the sum of squares.
-    residual : ndarray, shape (n,)
-        Residuals there.
-    jacobian : ndarray, shape (n, p)
-        Their derivatives.
-    at_bound : ndarray of bool, shape (p,)
-        Which parameters lie on a bound.
-    converged : bool
-        Whether the stopping rule was met before the iterations ran out.
-    iterations : int
-        Number of steps.
-    blown : bool
-        Whether a simulation on the way blew up.
-    """
-
-    x: FloatArray
-    cost: float
-    residual: FloatArray
-    jacobian: FloatArray
-    at_bound: BoolArray
-    converged: bool
-    iterations: int
-    blown: bool = False
+    x: FloatArray  # (p,), the minimum
+    cost: float  # half the sum of squares
+    residual: FloatArray  # (n,), residuals there
+    jacobian: FloatArray  # (n, p), their derivatives
+    at_bound: BoolArray  # (p,), which parameters lie on a bound
+    converged: bool  # whether the stopping rule was met before the iterations ran out
+    iterations: int  # number of steps
+    blown: bool = False  # whether a simulation on the way blew up
 
     def bound(self, names: Sequence[str]) -> list[str]:
         """Return which of the names of what was fitted are at a bound."""
@@ -121,19 +101,9 @@ def minimise(
 ) -> list[Minimum]:
     """Run several minimisations together.
 
-    Parameters
-    ----------
-    requests : sequence of generators
-        From `levenberg_marquardt`.
-    answer : callable
-        Given a list of (index of the problem, parameter vectors (p, k)), return the residuals (n, k) of each.
-    at_once : int
-        So many points are answered in the time of one: those that nobody needs go to what may be wanted next.
-
-    Returns
-    -------
-    list of Minimum
-        In the order of `requests`.
+    `requests`: from `levenberg_marquardt`. `answer`: given a list of (index of the problem, parameter vectors (p, k)),
+    return the residuals (n, k) of each. `at_once`: so many points are answered in the time of one: those that nobody
+    needs go to what may be wanted next. Returned: in the order of `requests`.
     """
     results: list[Minimum | None] = [None] * len(requests)
     pending = {i: next(request) for i, request in enumerate(requests)}

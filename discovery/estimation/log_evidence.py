@@ -16,8 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from discovery.estimation.belief import Belief
-from discovery.estimation.laplace import Mode, Prior, mode_of
+from discovery.estimation.laplace import Belief, Mode, Prior, mode_of
 from discovery.estimation.model_error import Channel, ModelError
 from discovery.foundation.arrays import FloatArray
 
@@ -30,35 +29,19 @@ _LEAST, _FACTOR = 0.02, 4.0
 
 @dataclass(frozen=True)
 class Linearised:
-    """Residuals and their derivatives: one channel for each channel of each recording.
+    """Residuals and their derivatives: one channel for each channel of each recording."""
 
-    Parameters
-    ----------
-    train : sequence of Channel
-        Columns: derivatives by every parameter, then the residual. Held-out initial states come last.
-    held : sequence of sequence of Channel
-        The same of what is held out, recording by recording: a model errs more in one manoeuvre than in another.
-    belief : Belief
-        Of every parameter; those of the held-out initial states last.
-    fitted : int
-        Number of parameters of the training recordings.
-    natural_time : float
-        Of the motion [s].
-    scale : float
-        Of the prior of its size [noise sds].
-    stated : float
-        Error that the mechanics states of itself [noise sds]: intervals are never narrower than it asks.
-    form : float
-        Share of the model error that is expected in the direction of any one parameter: intervals hold it.
-    """
-
+    #: Columns: derivatives by every parameter, then the residual. Held-out initial states come last.
     train: Sequence[Channel]
+    #: The same of what is held out, recording by recording: a model errs more in one manoeuvre than in another.
     held: Sequence[Sequence[Channel]]
-    belief: Belief
-    fitted: int
-    natural_time: float
-    scale: float
+    belief: Belief  # of every parameter; those of the held-out initial states last
+    fitted: int  # number of parameters of the training recordings
+    natural_time: float  # of the motion [s]
+    scale: float  # of the prior of its size [noise sds]
+    #: Error that the mechanics states of itself [noise sds]: intervals are never narrower than it asks.
     stated: float = 0.0
+    #: Share of the model error that is expected in the direction of any one parameter: intervals hold it.
     form: float = 0.0
 
     @cached_property
@@ -83,47 +66,25 @@ class Linearised:
 
 @dataclass(frozen=True)
 class Evidence:
-    """How well a set of effects explains the recordings.
+    """How well a set of effects explains the recordings."""
 
-    Parameters
-    ----------
-    train : float
-        Log evidence of the training recordings [nats].
-    held : float
-        Log predictive score of the held-out ones, given the training ones; zero where nothing is held out [nats].
-    ahead : float
-        The same of the one prediction that the estimate makes. Where parameters are uncertain, the score is also high
-        for a law that misses what is held out but could be fitted to it.
-    error, error_held : float
-        Size of the model error in training and held out, at its mode, over all recordings [noise sds].
-    white : float
-        Size of the noise at the mode of the training recordings [stated noise sds].
-    nil : float
-        By how much a model error of free size explains the recordings better than none [nats].
-    gained : float
-        What the step to the generalised least squares estimate gained, to first order [nats].
-    step : ndarray, shape (p,)
-        That step.
-    covariance : ndarray, shape (p, p)
-        Of the parameters, from the training recordings.
-    chi2_held : float
-        What is left of the held-out recordings at their mode [noise variances].
-    count_held : int
-        Number of their readings.
-    """
-
-    train: float
+    train: float  # log evidence of the training recordings [nats]
+    #: Log predictive score of the held-out ones, given the training ones; zero where nothing is held out [nats].
     held: float
+    #: The same of the one prediction that the estimate makes. Where parameters are uncertain, the score is also high
+    #: for a law that misses what is held out but could be fitted to it.
     ahead: float
+    #: error, error_held: size of the model error in training and held out, at its mode, over all recordings [noise
+    #: sds].
     error: float
     error_held: float
-    white: float
-    nil: float
-    gained: float
-    step: FloatArray
-    covariance: FloatArray
-    chi2_held: float = 0.0
-    count_held: int = 0
+    white: float  # size of the noise at the mode of the training recordings [stated noise sds]
+    nil: float  # by how much a model error of free size explains the recordings better than none [nats]
+    gained: float  # what the step to the generalised least squares estimate gained, to first order [nats]
+    step: FloatArray  # (p,), that step
+    covariance: FloatArray  # (p, p), of the parameters, from the training recordings
+    chi2_held: float = 0.0  # what is left of the held-out recordings at their mode [noise variances]
+    count_held: int = 0  # number of their readings
 
     @property
     def joint(self) -> float:

@@ -70,18 +70,8 @@ def _filtered(time, columns, power, rate, out):
 def innovations(time: FloatArray, columns: FloatArray, error: ModelError) -> tuple[FloatArray, float]:
     """Return columns made white, and the log determinant of their covariance.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Increasing times [s].
-    columns : ndarray, shape (n, k)
-        Residuals, or derivatives of them, in noise sds.
-    error : ModelError
-        Size and memory of the model error.
-
-    Returns
-    -------
-    ndarray, shape (n, k), and float
+    `time` (n,): increasing times [s]. `columns` (n, k): residuals, or derivatives of them, in noise sds. `error`: size
+    and memory of the model error. What is returned has the shape (n, k).
     """
     out = np.empty(columns.shape)
     logarithms = _filtered(time, np.ascontiguousarray(columns), error.size**2, 1.0 / error.memory, out)
@@ -90,18 +80,10 @@ def innovations(time: FloatArray, columns: FloatArray, error: ModelError) -> tup
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of one recording.
+    """One channel of one recording."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Times of its readings [s].
-    columns : ndarray, shape (n, k)
-        Derivatives of the residual, then the residual [noise sds].
-    """
-
-    time: FloatArray
-    columns: FloatArray
+    time: FloatArray  # (n,), times of its readings [s]
+    columns: FloatArray  # (n, k), derivatives of the residual, then the residual [noise sds]
 
     def gram(self, error: ModelError) -> tuple[FloatArray, float]:
         """Return scalar products (k, k) of the columns made white, and the log determinant of their covariance."""

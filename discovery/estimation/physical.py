@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
-from discovery.declarations.amplitudes import amplitudes
-from discovery.declarations.unit_words import named_unit
+from discovery.declarations.place import amplitudes
+from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, is_force, known_dimension, si_symbol
 from discovery.equations.model import Model
 from discovery.foundation.arrays import FloatArray
+from discovery.mechanics.rod_shapes import AT_THE_TIP
 from discovery.recordings.experiment import Experiment
 
 Dimension = dict[str, Fraction]
@@ -32,8 +33,8 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
         if rig.length is None or rig.tip_mass is None:
             return None
         rod = rig.beam_mass
-        mass = rig.tip_mass.value + (33 / 140 * rod.value if rod else 0.0)
-        spread = math.hypot(rig.tip_mass.sd, 33 / 140 * rod.sd if rod else 0.0) / mass
+        mass = rig.tip_mass.value + (AT_THE_TIP * rod.value if rod else 0.0)
+        spread = math.hypot(rig.tip_mass.sd, AT_THE_TIP * rod.sd if rod else 0.0) / mass
         relative = math.hypot(spread, 2 * rig.length.sd / rig.length.value)
         return mass * rig.length.value**2, relative, dimension("kg m^2")
     q = known_dimension(experiment.coordinate_unit)

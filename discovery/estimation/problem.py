@@ -80,29 +80,15 @@ def _defaults(names: tuple[str, ...], base: str, effects: tuple[str, ...], units
 
 @dataclass(frozen=True)
 class Problem:
-    """One model to be fitted on a bench: which numbers are free, and what the others are.
+    """One model to be fitted on a bench: which numbers are free, and what the others are."""
 
-    Parameters
-    ----------
-    model : Model
-        Its effects must be among those of the bench.
-    bench : Bench
-        The simulators.
-    units : NaturalUnits
-        Natural units.
-    gaussian : mapping of str to (mean, sd)
-        Free parameters known from the rig or by convention within an uncertainty; bounded at three standard deviations.
-    error : ModelError, optional
-        The model's own error beside the noise: residuals are made white under both.
-    reference : str, optional
-        Recording from which others count what each has of its own, as a phase: the first one; "" for none of these.
-    """
-
-    model: Model
+    model: Model  # its effects must be among those of the bench
     bench: Bench
     units: NaturalUnits
+    #: Free parameters known from the rig or by convention within an uncertainty; bounded at three standard deviations.
     gaussian: Mapping[str, tuple[float, float]]
-    error: ModelError | None = None
+    error: ModelError | None = None  # the model's own error beside the noise: residuals are made white under both
+    #: Recording from which others count what each has of its own, as a phase: the first one; "" for none of these.
     reference: str | None = None
 
     def __post_init__(self) -> None:

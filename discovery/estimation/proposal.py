@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from discovery.estimation.bent import Bend
 from discovery.foundation.arrays import FloatArray
 
 _DOF = 8.0
@@ -16,28 +15,24 @@ _DOF = 8.0
 _DEFENCE, _WIDER = 0.1, 2.5
 #: Draws a dimension that must count before anything is bent.
 _ENOUGH = 10
+#: Polynomials go on as they are there, in standard deviations.
+_REACH = 4.0
+#: A polynomial is taken where the logarithm by which it lowers the variance, times the draws that count, exceeds so
+#: many times its terms; and no polynomial has more terms than a third of these draws.
+_EARNED = 3.0
+#: What pulls its terms to zero, as so many draws would.
+_RIDGE = 10.0
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A Student t around a centre, with a wider one mixed in (T. Hesterberg, Technometrics 37 (1995) 185).
+    """A Student t around a centre, with a wider one mixed in (T. Hesterberg, Technometrics 37 (1995) 185)."""
 
-    Parameters
-    ----------
-    centre : ndarray, shape (d,)
-        Its centre.
-    factor : ndarray, shape (d, d)
-        Lower Cholesky factor of its scale matrix.
-    frame : ndarray, shape (d, d), optional
-        Matrix from the coordinates of the density to those in which valleys may bend; None: nothing bends.
-    bend : Bend, optional
-        The map from straight coordinates, in which it is a Student t, to those of the frame.
-    """
-
-    centre: FloatArray
-    factor: FloatArray
+    centre: FloatArray  # (d,), its centre
+    factor: FloatArray  # (d, d), lower Cholesky factor of its scale matrix
+    #: (d, d): matrix from the coordinates of the density to those in which valleys may bend; None: nothing bends.
     frame: FloatArray | None = None
-    bend: Bend | None = None
+    bend: Bend | None = None  # the map from straight coordinates, in which it is a Student t, to those of the frame
 
     @classmethod
     def standard(cls, dimension: int, frame: FloatArray | None = None) -> Proposal:
@@ -96,3 +91,90 @@ def _moments(points: FloatArray, weights: FloatArray) -> tuple[FloatArray, Float
     mean = np.einsum("n,nd->d", weights, points)
     off = points - mean
     return mean, np.einsum("n,ni,nj->ij", weights, off, off)
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A map that bends straight distributions into bananas: the mean of some coordinates is a cubic of others.
+
+    Under dry friction, initial displacement and initial rate lie on a curve. A triangular map (Y. Marzouk et al.,
+    Handbook of Uncertainty Quantification (2016), ch. 23) follows such a valley: a polynomial of the other coordinates
+    shifts each bent one. Volumes stay, and with them densities.
+    """
+
+    #: centre, scale (d,): of the coordinates in which it is defined.
+    centre: FloatArray
+    scale: FloatArray
+    #: Coordinate, the coordinates that shift it, and the coefficients of their terms; in the order in which they are
+    #: added.
+    shifts: tuple[tuple[int, tuple[int, ...], FloatArray], ...] = ()
+
+    @classmethod
+    def of(cls, points: FloatArray, weights: FloatArray) -> Bend:
+        """Return the map whose bent coordinates are those of weighted draws (n, d).
+
+        The coordinate whose mean a cubic of all others tells best comes last, then the one of those left, and so on.
+        """
+        centre = weights @ points
+        scale = np.sqrt(weights @ (points - centre) ** 2)
+        y, effective = (points - centre) / scale, 1.0 / float(np.sum(weights**2))
+        left, found = list(range(points.shape[1])), []
+        while len(left) > 1:
+            tried = [(i, tuple(j for j in left if j != i)) for i in left]
+            fits = [_regressed(y[:, i], y[:, others], weights, effective) for i, others in tried]
+            best = max(range(len(fits)), key=lambda k: fits[k][0])
+            if not fits[best][0] > 0:
+                break
+            found.append((*tried[best], fits[best][1]))
+            left.remove(tried[best][0])
+        return cls(centre, scale, tuple(reversed(found)))
+
+    def bent(self, straight: FloatArray) -> FloatArray:
+        """Return bent points (n, d) of straight ones."""
+        y = straight.copy()
+        for i, others, coefficients in self.shifts:
+            y[:, i] += _terms(y[:, others], coefficients.size) @ coefficients
+        return self.centre + self.scale * y
+
+    def straight(self, points: FloatArray) -> FloatArray:
+        """Return straight points (n, d) of bent ones."""
+        y = (points - self.centre) / self.scale
+        found = y.copy()
+        for i, others, coefficients in self.shifts:
+            found[:, i] -= _terms(y[:, others], coefficients.size) @ coefficients
+        return found
+
+
+def _terms(y: FloatArray, count: int) -> FloatArray:
+    """Return the first so many of: one, the coordinates (n, m), their squares and cubes, their products in pairs."""
+    n, m = y.shape
+    y = np.clip(y, -_REACH, _REACH)
+    plain = np.hstack([np.ones((n, 1)), y, y**2, y**3])
+    if count == plain.shape[1]:
+        return plain
+    first, second = np.triu_indices(m, 1)
+    return np.hstack([plain, y[:, first] * y[:, second]])
+
+
+def _regressed(
+    target: FloatArray, given: FloatArray, weights: FloatArray, effective: float
+) -> tuple[float, FloatArray]:
+    """Return what a cubic gains over a line beyond what it must, and its coefficients; below zero where not enough."""
+    m = given.shape[1]
+    most = int(effective / _EARNED)
+    count = next((c for c in (1 + 3 * m + m * (m - 1) // 2, 1 + 3 * m) if c <= most), 0)
+    if count <= m + 1:
+        return -1.0, np.zeros(0)
+    terms = _terms(given, count)
+    normal = terms.T @ (weights[:, None] * terms)
+    # The ridge holds what is not linear.
+    pulled = normal + np.diag(np.r_[np.full(m + 1, 1e-9), np.full(count - m - 1, _RIDGE / effective)])
+    right = terms.T @ (weights * target)
+    coefficients = np.linalg.solve(pulled, right)
+    line = terms[:, : m + 1] @ np.linalg.solve(pulled[: m + 1, : m + 1], right[: m + 1])
+    straight, curved = (_variance(target - fit, weights) for fit in (line, terms @ coefficients))
+    return effective * float(np.log(straight / curved)) - _EARNED * count, coefficients
+
+
+def _variance(values: FloatArray, weights: FloatArray) -> float:
+    return float(weights @ (values - weights @ values) ** 2)

@@ -34,35 +34,21 @@ class Dependence:
 
 @dataclass(frozen=True)
 class ResidualReport:
-    """A residual in numbers.
+    """A residual in numbers."""
 
-    Parameters
-    ----------
-    rms : float
-        Root mean square in units of the noise, all channels.
-    reduced_chi2 : float
-        Mean square of the normalised residual.
-    systematic : float
-        Rms of the residual averaged over bins of a 24th of a period, with the noise's share removed, in units of the
-        noise per sample: what is not noise and is slow enough to be motion.
-    autocorrelation : float
-        At lag one, mean of the channels.
-    ljung_box_p : float
-        Probability of such autocorrelations (20 lags) in white noise; the smallest of the channels, times their number.
-    frequency, spectrum : tuple of float
-        One-sided power spectral density of the normalised residual, Welch, first recording [Hz], [1/Hz].
-    dependence : tuple of Dependence
-        Strongest first.
-    """
-
-    rms: float
-    reduced_chi2: float
+    rms: float  # root mean square in units of the noise, all channels
+    reduced_chi2: float  # mean square of the normalised residual
+    #: Rms of the residual averaged over bins of a 24th of a period, with the noise's share removed, in units of the
+    #: noise per sample: what is not noise and is slow enough to be motion.
     systematic: float
-    autocorrelation: float
+    autocorrelation: float  # at lag one, mean of the channels
+    #: Probability of such autocorrelations (20 lags) in white noise; the smallest of the channels, times their number.
     ljung_box_p: float
+    #: frequency, spectrum: one-sided power spectral density of the normalised residual, Welch, first recording [Hz],
+    #: [1/Hz].
     frequency: tuple[float, ...]
     spectrum: tuple[float, ...]
-    dependence: tuple[Dependence, ...]
+    dependence: tuple[Dependence, ...]  # strongest first
 
     @property
     def white(self) -> bool:
@@ -182,14 +168,7 @@ def _states(experiment: Experiment, period: float) -> dict[str, FloatArray]:
 def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray], period: float) -> ResidualReport:
     """Examine the fitted part of recordings.
 
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        Recordings.
-    predictions : sequence of ndarray, shape (n, c)
-        What the model says about each.
-    period : float
-        Period of the motion [s].
+    `predictions` each (n, c): what the model says about each. `period`: period of the motion [s].
     """
     parts = _normalised(experiments, predictions)
     flat = np.concatenate([p.ravel() for p in parts])
@@ -226,10 +205,7 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
 
     They are infinite where the prediction of one of these is not finite, or beyond all measure.
 
-    Parameters
-    ----------
-    prediction, measured : ndarray, shape (n, c)
-        Free-run prediction and measurement.
+    `prediction`, `measured` (n, c): free-run prediction and measurement.
     """
     taken = np.isfinite(measured).all(axis=1)
     distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
@@ -247,12 +223,7 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
 def variance_left(problem: Problem, chi2: float) -> float:
     """Return which part of the variance of the readings a fit leaves; zero where that is little more than the noise.
 
-    Parameters
-    ----------
-    problem : Problem
-        What was fitted.
-    chi2 : float
-        Sum of squared normalised residuals of the fit.
+    `problem`: what was fitted. `chi2`: sum of squared normalised residuals of the fit.
     """
     spread = 0.0
     for e in problem.bench.experiments:
@@ -264,14 +235,8 @@ def variance_left(problem: Problem, chi2: float) -> float:
 def explains(problem: Problem, chi2: float, left: float) -> bool:
     """Return whether a fit leaves a small part of the variance of the motion, or little more than the noise.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of a motion that is simulated.
-    chi2 : float
-        Sum of squared normalised residuals of the fit.
-    left : float
-        What counts as a small part.
+    `problem`: of a motion that is simulated. `chi2`: sum of squared normalised residuals of the fit. `left`: what
+    counts as a small part.
     """
     spread = 0.0
     for e in problem.bench.experiments:

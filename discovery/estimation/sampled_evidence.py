@@ -28,22 +28,13 @@ _PILOT, _DRAWS, _ROUNDS, _REPAIRS = 256, 384, 2, 3
 
 @dataclass(frozen=True)
 class Sampled:
-    """What importance sampling says of Laplace's log evidence.
+    """What importance sampling says of Laplace's log evidence."""
 
-    Parameters
-    ----------
-    correction, error : float
-        What it adds, and its standard error [nats]; none where it cannot be trusted.
-    pareto_k : float
-        Shape of the largest weights; infinite where hardly a draw has a finite density.
-    reliable : bool
-        Whether the draws can be trusted.
-    """
-
+    #: correction, error: what it adds, and its standard error [nats]; none where it cannot be trusted.
     correction: float
     error: float
-    pareto_k: float
-    reliable: bool
+    pareto_k: float  # shape of the largest weights; infinite where hardly a draw has a finite density
+    reliable: bool  # whether the draws can be trusted
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -54,18 +45,8 @@ class Sampled:
 def sampled(problem: Problem, x: FloatArray, linear: Linearised, size: float, rng: Generator) -> Sampled:
     """Correct the log evidence of the training recordings for what is not normal about the posterior.
 
-    Parameters
-    ----------
-    problem : Problem
-        What was fitted.
-    x : ndarray, shape (p,)
-        Where it was linearised.
-    linear : Linearised
-        Its linearisation there.
-    size : float
-        Size of the model error over the noise.
-    rng : Generator
-        Source of the draws.
+    `problem`: what was fitted. `x` (p,): where it was linearised. `linear`: its linearisation there. `size`: size of
+    the model error over the noise. `rng`: source of the draws.
     """
     target = _Target(problem, x, linear, size)
     try:

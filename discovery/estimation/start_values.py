@@ -1,13 +1,17 @@
-"""What a fit estimates of every recording beside the parameters of the system: its start, and what is its own."""
+"""What a fit estimates of every recording beside the parameters of the system, and what it is given to begin with."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model, check_declared
+from discovery.foundation.arguments import check_names, check_number, check_pair, expect
 from discovery.foundation.start_names import start_name
+from discovery.recordings.chosen import Recordings, check_model, training_of
+from discovery.recordings.experiment import Experiment
 
 if TYPE_CHECKING:
     from discovery.equations.model import Model
@@ -22,36 +26,17 @@ _BENT = (1.0, 0.7, 0.45, 1.4)
 
 @dataclass(frozen=True)
 class StartValue:
-    """One number that belongs to one recording.
+    """One number that belongs to one recording."""
 
-    Parameters
-    ----------
-    name : str
-        With that of the recording in brackets.
-    experiment : int
-        Number of the recording.
-    row : int
-        Which of its numbers: 0 deflection, 1 rate, from 2 on what `own_parameters` lists.
-    scale : float
-        Typical size of a step.
-    width : float
-        Of its prior, around zero.
-    starts : tuple of float
-        Where its fit may begin; none where the recording tells it.
-    own_unit : str
-        SI unit of what is no state; empty for a state.
-    guess : float
-        What its recording tells of it; zero where that tells nothing.
-    """
-
-    name: str
-    experiment: int
-    row: int
-    scale: float
-    width: float
+    name: str  # with that of the recording in brackets
+    experiment: int  # number of the recording
+    row: int  # which of its numbers: 0 deflection, 1 rate, from 2 on what `own_parameters` lists
+    scale: float  # typical size of a step
+    width: float  # of its prior, around zero
+    #: Where its fit may begin; none where the recording tells it.
     starts: tuple[float, ...] = field(default=(), kw_only=True)
-    own_unit: str = field(default="", kw_only=True)
-    guess: float = field(default=0.0, kw_only=True)
+    own_unit: str = field(default="", kw_only=True)  # SI unit of what is no state; empty for a state
+    guess: float = field(default=0.0, kw_only=True)  # what its recording tells of it; zero where that tells nothing
 
     def unit(self, coordinate: str) -> str:
         """Return its SI unit where the coordinate has this one."""
@@ -69,18 +54,9 @@ def start_values(
 ) -> tuple[StartValue, ...]:
     """Return what is free of every recording, one after the other.
 
-    Parameters
-    ----------
-    model : Model
-        Its mechanics tell how many numbers a start has.
-    units : NaturalUnits
-        Natural units.
-    experiments : sequence of Experiment
-        The recordings.
-    own : sequence of str
-        Parameters of which recordings have their own values, those of other models among them.
-    reference : str
-        Name of the recording from whose values those of the others are counted.
+    `model`: its mechanics tell how many numbers a start has. `own`: parameters of which recordings have their own
+    values, those of other models among them. `reference`: name of the recording from whose values those of the others
+    are counted.
     """
     q, time = units.coordinate, units.time
     sizes = (q, q / time)[: model.mechanics.starts]
@@ -99,3 +75,49 @@ def start_values(
                 width = parameter.prior.width * unit
                 found.append(StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=parameter.value_unit))
     return tuple(found)
+
+
+def fitted_recordings(model: Model, experiments: Recordings) -> tuple[Experiment, ...]:
+    """Return the recordings to which a model is fitted.
+
+    Raises InputError for what is no model, no recordings, or recordings of another system.
+    """
+    expect(model, Model, "model", "Take declared_model(dataset), or make a Model(base, effects).")
+    found = training_of(experiments)
+    check_model(model, found)
+    return found
+
+
+def check_start(
+    model: Model, experiments: tuple[Experiment, ...], start: Mapping[str, float] | None
+) -> dict[str, float]:
+    """Return start values by name.
+
+    Raises InputError for a name that is neither a parameter of the model nor an initial state, or a value that is no
+    finite number.
+    """
+    if start is None:
+        return {}
+    expect(start, Mapping, "start", 'Name the parameters, as in start={"alpha": 400.0}.')
+    states = [name for e in experiments for name in e.initial_names]
+    own = own_parameters(model.effects, tuple(model.parameters))
+    states += [start_name(n, e.recording.name) for e in experiments for n in own]
+    check_names((n for n in start if n not in states), model.parameters, "The model", "parameter")
+    return {name: check_number(value, f"start[{name!r}]") for name, value in start.items()}
+
+
+def given_uncertainty(
+    model: Model, gaussian: Mapping[str, tuple[float, float]] | None
+) -> dict[str, tuple[float, float]]:
+    """Return what is known within an uncertainty; parameters of effects that the model lacks are passed over.
+
+    Raises InputError for a name that nothing declares, or what is no mean with a standard deviation.
+    """
+    if gaussian is None:
+        return {}
+    expect(gaussian, Mapping, "gaussian", 'Give mean and sd by name, as in gaussian={"mu": (0.15, 0.02)}.')
+    check_declared(model, gaussian)
+    found = {n: check_pair(pair, f"gaussian[{n!r}]", "a mean and its sd") for n, pair in gaussian.items()}
+    for name, (_, sd) in found.items():
+        check_number(sd, f"sd of gaussian[{name!r}]", 0.0)
+    return found

@@ -43,27 +43,9 @@ def choose_step(
 ) -> float:
     """Return the integration step whose trajectory error is at most `tolerance`, measured against half the step.
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    experiments : sequence of Experiment
-        Recordings.
-    units : NaturalUnits
-        Natural units.
-    values : mapping of str to float
-        Parameter values at which the error is measured.
-    tolerance : float
-        Largest error over all samples, unit as for `Probe.apart`.
-    effects : sequence of str, optional
-        Effects of the kernel; the model's own by default.
-    shortest : float
-        Shortest step that is tried, against half of it [s].
-
-    Raises
-    ------
-    ComputationError
-        If no step reaches the tolerance.
+    `values`: parameter values at which the error is measured. `tolerance`: largest error over all samples, unit as for
+    `Probe.apart`. `effects`: effects of the kernel; the model's own by default. `shortest`: shortest step that is
+    tried, against half of it [s]. Raises ComputationError if no step reaches the tolerance.
     """
     probe = Probe.of(model, effects or model.effects, units, values)
     step = max(probe.longest(experiments), shortest)
@@ -95,16 +77,8 @@ def choose_step(
 def _longest(error: Callable[[float], float], step: float, tried: Mapping[float, float], tolerance: float) -> float:
     """Return a longer step than one that reaches the tolerance by far, if it reaches it too.
 
-    Parameters
-    ----------
-    error : callable
-        Error of a step, which it adds to `tried`.
-    step : float
-        The step.
-    tried : mapping of float to float
-        Errors of the steps so far, from which those between them are foretold.
-    tolerance : float
-        The tolerance.
+    `error`: error of a step, which it adds to `tried`. `tried`: errors of the steps so far, from which those between
+    them are foretold.
     """
     for _ in range(_LONGER):
         known = [h for h, e in tried.items() if h > step and tolerance < e < np.inf]
@@ -129,24 +103,12 @@ def error_unit(experiments: Sequence[Experiment], units: NaturalUnits) -> float:
 
 @dataclass(frozen=True)
 class Probe:
-    """One motion of a model, at which the error of steps is measured.
+    """One motion of a model, at which the error of steps is measured."""
 
-    Parameters
-    ----------
-    model : Model
-        The model, parameters that are not free known.
-    effects : tuple of str
-        Effects of the kernel.
-    units : NaturalUnits
-        Natural units.
-    values : mapping of str to float
-        Parameter values, such that the motion has a converged solution.
-    """
-
-    model: Model
-    effects: tuple[str, ...]
+    model: Model  # the model, parameters that are not free known
+    effects: tuple[str, ...]  # effects of the kernel
     units: NaturalUnits
-    values: Mapping[str, float]
+    values: Mapping[str, float]  # parameter values, such that the motion has a converged solution
 
     @classmethod
     def of(cls, model: Model, effects: Sequence[str], units: NaturalUnits, values: Mapping[str, float]) -> Probe:

@@ -32,10 +32,7 @@ _DIGEST = 32
 def cache_folder() -> Path | None:
     """Return the folder that DISCOVERY_CACHE names, or that of the user's cache; None where nothing can be kept.
 
-    Raises
-    ------
-    InputError
-        If the folder belongs to somebody else, or others may write into it.
+    Raises InputError if the folder belongs to somebody else, or others may write into it.
     """
     chosen = os.environ.get("DISCOVERY_CACHE")
     folder = Path(chosen) if chosen else _users_folder()

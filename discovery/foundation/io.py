@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import ComputationError, InputError, suggestion
-from discovery.foundation.text_encoding import decoded
-from discovery.foundation.text_table import parse_text
+from discovery.foundation.text_table import decoded, parse_text
 
 _CSV = (".csv", ".tsv", ".txt", ".dat")
 #: Larger numbers leave the range of floating-point numbers in another unit.
@@ -34,32 +33,17 @@ _KNOWN = (*_CSV, ".parquet", ".pq", ".mat", ".h5", ".hdf5")
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of a file as they stand in it.
-
-    Attributes
-    ----------
-    path : Path
-    columns : mapping of str to array, shape (n,)
-        Numbers where every cell is one (an empty cell is NaN), else the cells as text.
-    sha256 : str
-        Of the file's bytes.
-    lines : array of int, shape (n,)
-        Line of each row in a text file, from 1; empty for other formats.
-    rows : array of int, shape (n,), or None
-        Row of the file that each row was, from 0; None where all were taken.
-    whole : int
-        Rows of the file, of which these were taken; 0 where all were.
-    guessed : str
-        Encoding of a text file where nothing says it; empty for UTF-8.
-    """
+    """The columns of a file as they stand in it."""
 
     path: Path
+    #: each (n,): numbers where every cell is one (an empty cell is NaN), else the cells as text.
     columns: Mapping[str, npt.NDArray[Any]]
-    sha256: str
+    sha256: str  # of the file's bytes
+    #: (n,): line of each row in a text file, from 1; empty for other formats.
     lines: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
-    rows: IntArray | None = None
-    whole: int = 0
-    guessed: str = ""
+    rows: IntArray | None = None  # (n,), row of the file that each row was, from 0; None where all were taken
+    whole: int = 0  # rows of the file, of which these were taken; 0 where all were
+    guessed: str = ""  # encoding of a text file where nothing says it; empty for UTF-8
 
     def where(self, row: int) -> str:
         """Name a row for people: data rows count from 1."""
@@ -144,18 +128,9 @@ def _parse(column: npt.NDArray[Any]) -> tuple[FloatArray, int | None]:
 def read_table(path: str | os.PathLike[str], header: Sequence[str] | None = None) -> Table:
     """Read the columns of a file.
 
-    Parameters
-    ----------
-    path : path
-        Text (see `discovery.foundation.text_table.parse_text`), Parquet, MAT (any version) or HDF5 (one-dimensional
-        datasets).
-    header : sequence of str, optional
-        Names of the columns of a text file without a line of names.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, empty, of an unknown format or not what its name says, or if two columns share a name.
+    `path`: text (see `discovery.foundation.text_table.parse_text`), Parquet, MAT (any version) or HDF5 (one-dimensional
+    datasets). `header`: names of the columns of a text file without a line of names. Raises InputError if the file is
+    missing, empty, of an unknown format or not what its name says, or if two columns share a name.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -243,10 +218,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     What is written is removed if the block raises, and whatever stood at the place before is then still there.
 
-    Raises
-    ------
-    ComputationError
-        If the system refuses: the disk is full, a folder lies in the file's place.
+    Raises ComputationError if the system refuses: the disk is full, a folder lies in the file's place.
 
     Examples
     --------

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Sized
+from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import Self, TypeVar
 
 from discovery.foundation.arguments import check_callable
 
 _Item = TypeVar("_Item")
-
 
 #: What every function with an argument ``progress`` calls with one sentence, most often a `Progress`.
 Tell = Callable[[str], None]
@@ -24,14 +24,8 @@ _MINUTES = 120.0
 class Progress(str):
     """One sentence on what is being done, which also holds how far it is.
 
-    Parameters
-    ----------
-    text : str
-        The sentence.
-    done, total : float
-        Work done and work in all, in what the sentence counts; NaN where it is not known.
-    seconds_left : float
-        How long it still takes at the pace so far [s]; NaN where it is not known.
+    `text`: the sentence. `done`, `total`: work done and work in all, in what the sentence counts; NaN where it is not
+    known. `seconds_left`: how long it still takes at the pace so far [s]; NaN where it is not known.
 
     Examples
     --------
@@ -98,3 +92,36 @@ def _left(seconds: float) -> str:
     """Return how long something still takes, and the time of day at which it is done."""
     long = f"{seconds:.0f} s" if seconds < _MINUTES else f"{seconds / 60:.0f} min"
     return f"about {long} left, until {datetime.now() + timedelta(seconds=seconds):%H:%M:%S}"
+
+
+class Course:
+    """Tells what a loop does, and during its search the share of its budget of work that is spent.
+
+    A search ends when nothing more is accepted. So no time is said for the whole of it, but what one set takes.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._extended: Sized = ()
+        self._most, self._began = 0, 0.0
+
+    @contextmanager
+    def searching(self, extended: Sized, most: int) -> Iterator[None]:
+        """Tell beside every sentence how many sets, of so many at most, are extended; their collection grows."""
+        self._extended, self._most, self._began = extended, most, time.monotonic()
+        try:
+            yield
+        finally:
+            self._most = 0
+
+    def __call__(self, sentence: str) -> None:
+        """Tell what is being done."""
+        done = len(self._extended)
+        if not (self._most and done):
+            self._tell(sentence)
+            return
+        each = (time.monotonic() - self._began) / done
+        took = f", about {each:.0f} s each" if each >= 1 else ""
+        self._tell(
+            Progress(f"{sentence}; {done} of at most {self._most} sets are extended{took}", done=done, total=self._most)
+        )

@@ -40,10 +40,7 @@ def base_names() -> tuple[str, ...]:
 def get_base(name: str) -> Base:
     """Return one base.
 
-    Raises
-    ------
-    InputError
-        For an unknown name.
+    Raises InputError for an unknown name.
     """
     from discovery.mechanics.systems import declared_base
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM, ROTOR, SPRING, Effect
 from discovery.declarations.parameters import Normal, Parameter
-from discovery.declarations.systems import System
-from discovery.declarations.unit_words import named_unit
+from discovery.declarations.system import System
+from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, in_coordinate
 from discovery.mechanics.rod import STRAIGHT, Rod
 
@@ -37,33 +37,19 @@ SHORTENING_RADIUS = frozenset({"centrifugal_stiffening", "coriolis_coupling", "r
 
 @dataclass(frozen=True)
 class Channel:
-    """One quantity on which effects push.
+    """One quantity on which effects push."""
 
-    Parameters
-    ----------
-    value : sympy.Expr
-        The quantity (a position-like channel) or rate.
-    jacobian : tuple of sympy.Expr
-        Derivative with respect to the coordinates (of a rate: to the coordinate rates).
-    bias : sympy.Expr
-        For a rate: its time derivative at zero coordinate accelerations.
-    """
-
-    value: sp.Expr
-    jacobian: tuple[sp.Expr, ...]
-    bias: sp.Expr | int = 0
+    value: sp.Expr  # the quantity (a position-like channel) or rate
+    jacobian: tuple[sp.Expr, ...]  # derivative with respect to the coordinates (of a rate: to the coordinate rates)
+    bias: sp.Expr | int = 0  # for a rate: its time derivative at zero coordinate accelerations
 
 
 @dataclass(frozen=True)
 class RodEnd:
-    """How the end of the rod turns beyond what the shapes of a base show, where it bears a moment.
+    """How the end of the rod turns beyond what the shapes of a base show, where it bears a moment."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : sympy.Expr
-        Moment per such turn [s^-2] and per its rate [s^-1], and the inertia of the rod in it [-], over m_eff l^2.
-    """
-
+    #: stiffness, damping, inertia: moment per such turn [s^-2] and per its rate [s^-1], and the inertia of the rod in
+    #: it [-], over m_eff l^2.
     stiffness: sp.Expr
     damping: sp.Expr
     inertia: sp.Expr
@@ -73,16 +59,8 @@ class RodEnd:
 class Place:
     """A displacement of a declared system at which effects act.
 
-    Parameters
-    ----------
-    unit : str
-        Its SI unit.
-    tied : bool
-        Whether springs answer a force there with a finite deflection.
-    inertia : float
-        Its reference inertia [J s^2 over the square of `unit`].
-    sprung: bool
-        Whether a linear spring acts across it.
+    `unit`: its SI unit. `tied`: whether springs answer a force there with a finite deflection. `inertia`: its reference
+    inertia [J s^2 over the square of `unit`]. `sprung: bool`: whether a linear spring acts across it.
     """
 
     unit: str
@@ -114,42 +92,23 @@ class Place:
 
 @dataclass(frozen=True)
 class Mechanics:
-    """The mathematics of a base, ready to be printed.
+    """The mathematics of a base, ready to be printed."""
 
-    Parameters
-    ----------
-    coordinates, rates : tuple of sympy.Symbol
-        q and q'.
-    assignments : tuple of (sympy.Symbol, sympy.Expr)
-        Intermediate values in order of computation.
-    channels : mapping of sympy.Symbol to Channel
-        What the symbols of `discovery.declarations.symbols` are in this base.
-    mass : tuple of tuple of sympy.Expr
-        Mass matrix per unit of effective inertia.
-    bending : tuple of (sympy.Expr, sympy.Expr, tuple of sympy.Expr)
-        Components of the bending: value, rate and Jacobian of each.
-    force : tuple of sympy.Expr
-        Inertial forces at zero q'' (centrifugal, Coriolis, base acceleration), on the right-hand side.
-    fibres : tuple of (float, (sympy.Expr, sympy.Expr, tuple of sympy.Expr))
-        The same for the curvature at places of the rod, over three, each with its weight in an integral of its square.
-    root : (sympy.Expr, sympy.Expr, tuple of sympy.Expr) or None
-        The same for the curvature at the root over three; None where the root is no part of the base.
-    end : RodEnd or None
-        How the end gives way to a moment; None where only the shapes do.
-    places : mapping of str to (sympy.Expr, sympy.Expr, tuple of sympy.Expr)
-        Of a declared system: the displacement of each place, its rate and its Jacobian.
-    """
-
+    #: coordinates, rates: q and q'.
     coordinates: tuple[sp.Symbol, ...]
     rates: tuple[sp.Symbol, ...]
-    assignments: tuple[tuple[sp.Symbol, sp.Expr], ...]
-    channels: Mapping[sp.Symbol, Channel]
-    mass: tuple[tuple[sp.Expr, ...], ...]
+    assignments: tuple[tuple[sp.Symbol, sp.Expr], ...]  # intermediate values in order of computation
+    channels: Mapping[sp.Symbol, Channel]  # what the symbols of `discovery.declarations.symbols` are in this base
+    mass: tuple[tuple[sp.Expr, ...], ...]  # mass matrix per unit of effective inertia
+    #: Inertial forces at zero q'' (centrifugal, Coriolis, base acceleration), on the right-hand side.
     force: tuple[sp.Expr, ...]
-    bending: tuple[Strand, ...]
+    bending: tuple[Strand, ...]  # components of the bending: value, rate and Jacobian of each
+    #: The same for the curvature at places of the rod, over three, each with its weight in an integral of its square.
     fibres: tuple[tuple[float, Strand], ...] = ()
+    #: The same for the curvature at the root over three; None where the root is no part of the base.
     root: Strand | None = None
-    end: RodEnd | None = None
+    end: RodEnd | None = None  # how the end gives way to a moment; None where only the shapes do
+    #: Of a declared system: the displacement of each place, its rate and its Jacobian.
     places: Mapping[str, Strand] = field(default_factory=dict)
 
 

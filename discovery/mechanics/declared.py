@@ -191,18 +191,9 @@ class DeclaredBase(Base):
     def sizes(self, frequency: float, drive: float, output: float) -> dict[str, tuple[float, float]]:
         """Return how far each place moves, and in which time its forces would bring it there.
 
-        Parameters
-        ----------
-        frequency : float
-            Angular frequency of the motion [rad/s].
-        drive, output : float
-            Amplitudes of input and output, in SI units.
-
-        Returns
-        -------
-        dict of str to (float, float)
-            Displacement [unit of the place] and time [s] in the linear motion at that frequency with that output, at
-            the constants as declared and guessed: they say of which size a law at the place can be.
+        `frequency`: angular frequency of the motion [rad/s]. `drive`, `output`: amplitudes of input and output, in SI
+        units. Returned: displacement [unit of the place] and time [s] in the linear motion at that frequency with that
+        output, at the constants as declared and guessed: they say of which size a law at the place can be.
         """
         n, turn = type(self).n_coordinates, 1j * frequency
         q, rates, accelerations = coordinates_of(n)

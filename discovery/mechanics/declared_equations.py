@@ -39,10 +39,7 @@ def coordinates_of(n: int) -> tuple[tuple[sp.Symbol, ...], tuple[sp.Symbol, ...]
 def read_equations(declaration: SystemDeclaration) -> Equations:
     """Read every text of a declaration.
 
-    Raises
-    ------
-    InputError
-        Naming the key and what is wrong with its text.
+    Raises InputError naming the key and what is wrong with its text.
     """
     moving = list(zip(*coordinates_of(len(declaration.coordinates)), strict=True))
     constants = {n: Quantity((sp.Symbol(n, real=True),), c.unit) for n, c in declaration.constants.items()}

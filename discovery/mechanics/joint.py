@@ -46,36 +46,19 @@ def _sign(x: sp.Expr) -> sp.Expr:
 
 @dataclass(frozen=True)
 class Root:
-    """How the root of the rod turns.
+    """How the root of the rod turns."""
 
-    Parameters
-    ----------
-    turn : sympy.Expr
-        Its angle beyond the hub's, p [q].
-    rate : sympy.Expr
-        Its rate [q/s].
-    bias : sympy.Expr
-        Its acceleration at zero acceleration of the coordinates [q/s^2].
-    jacobian : tuple of sympy.Expr
-        Derivative of its rate with respect to the rates of the coordinates.
-    states : dict
-        States of the joint with their time derivatives.
-    """
-
-    turn: sp.Expr
-    rate: sp.Expr
-    bias: sp.Expr
-    jacobian: tuple[sp.Expr, ...]
-    states: dict[sp.Symbol, sp.Expr]
+    turn: sp.Expr  # its angle beyond the hub's, p [q]
+    rate: sp.Expr  # its rate [q/s]
+    bias: sp.Expr  # its acceleration at zero acceleration of the coordinates [q/s^2]
+    jacobian: tuple[sp.Expr, ...]  # derivative of its rate with respect to the rates of the coordinates
+    states: dict[sp.Symbol, sp.Expr]  # states of the joint with their time derivatives
 
 
 def root_of(mechanics: Mechanics, joints: Sequence[Joint]) -> Root | None:
     """Return how the root turns with all joints together; None without any.
 
-    Raises
-    ------
-    InputError
-        If the base has no root that could turn.
+    Raises InputError if the base has no root that could turn.
     """
     if not joints:
         return None

@@ -21,38 +21,22 @@ from discovery.declarations.symbols import arc
 
 @dataclass(frozen=True)
 class ThirdOrder:
-    r"""What a rest angle changes when the rod bends by e under a force across its radius, in powers of both.
+    r"""What a rest angle changes when the rod bends by e under a force across its radius, in powers of both."""
 
-    Parameters
-    ----------
-    bend : sympy.Symbol
-        Deflection e of the tip that bending causes [rad].
-    shortening : sympy.Expr
-        :math:`1 - \rho_t / l` to second order [-], :math:`e^2/10` for a straight rod.
-    ahead : sympy.Expr
-        By how much the tip is ahead of the mean slope [rad], third order, :math:`e^3/105` for a straight rod. Bending
-        that is smaller by this much reaches the same angle, so the energy falls by e times it.
-    """
-
-    bend: sp.Symbol
-    shortening: sp.Expr
+    bend: sp.Symbol  # deflection e of the tip that bending causes [rad]
+    shortening: sp.Expr  # :math:`1 - \rho_t / l` to second order [-], :math:`e^2/10` for a straight rod
+    #: By how much the tip is ahead of the mean slope [rad], third order, :math:`e^3/105` for a straight rod. Bending
+    #: that is smaller by this much reaches the same angle, so the energy falls by e times it.
     ahead: sp.Expr
 
 
 @dataclass(frozen=True)
 class Rod:
-    """What effects change of the rod.
+    """What effects change of the rod."""
 
-    Parameters
-    ----------
-    rest : sympy.Expr
-        Slope of the unloaded rod against its root [rad], a polynomial in `discovery.declarations.symbols.arc`.
-    root : sympy.Expr
-        Turn of the root per bending curvature there [-].
-    """
-
+    #: Slope of the unloaded rod against its root [rad], a polynomial in `discovery.declarations.symbols.arc`.
     rest: sp.Expr = sp.S.Zero
-    root: sp.Expr = sp.S.Zero
+    root: sp.Expr = sp.S.Zero  # turn of the root per bending curvature there [-]
 
     def rest_at(self, place: float) -> sp.Expr:
         """Return the rest angle at an arc length."""

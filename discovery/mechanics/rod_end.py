@@ -35,27 +35,13 @@ TURN, TURN_RATE = sp.symbols("r_e rd_e", real=True)
 
 @dataclass(frozen=True)
 class LoadedEnd:
-    """The end of the rod with an inertia that turns with it.
+    """The end of the rod with an inertia that turns with it."""
 
-    Parameters
-    ----------
-    share : sympy.Expr
-        Share of that inertia which turns as the shapes do, j_r / (J + j_r).
-    moment : sympy.Expr
-        Moment on the slope of the shapes [s^-2].
-    drop : sympy.Expr
-        Acceleration of r at zero acceleration of that slope [rad/s^2].
-    gain : sympy.Expr
-        Change of r per change of that slope, where nothing resists, -g.
-    energy : sympy.Expr
-        What is stored in r and p beside the kinetic energy of the shapes [s^-2].
-    """
-
-    share: sp.Expr
-    moment: sp.Expr
-    drop: sp.Expr
-    gain: sp.Expr
-    energy: sp.Expr
+    share: sp.Expr  # share of that inertia which turns as the shapes do, j_r / (J + j_r)
+    moment: sp.Expr  # moment on the slope of the shapes [s^-2]
+    drop: sp.Expr  # acceleration of r at zero acceleration of that slope [rad/s^2]
+    gain: sp.Expr  # change of r per change of that slope, where nothing resists, -g
+    energy: sp.Expr  # what is stored in r and p beside the kinetic energy of the shapes [s^-2]
 
     def kinetic(self, energy: sp.Expr) -> sp.Expr:
         """Return the part of a kinetic energy that moves as the shapes do."""

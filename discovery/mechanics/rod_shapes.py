@@ -18,6 +18,8 @@ from discovery.foundation.arrays import FloatArray
 
 #: Size of the polynomial space.
 RICH = 7
+#: Part of a rod's mass that moves as if it were at the tip, where a force there bends it (Rayleigh).
+AT_THE_TIP = 33 / 140
 #: Mass ratio at which the second mode is computed; its shape hardly depends on it.
 _MU = 0.15
 #: Static shapes are learnt up to this deflection [rad].
@@ -65,14 +67,14 @@ def bending_matrix(weights: FloatArray) -> FloatArray:
 
 def rod_share(mu: float) -> float:
     """Return the rod's mass per unit of effective tip mass, from that over the tip's own."""
-    return mu / (1 + 33 / 140 * mu)
+    return mu / (1 + AT_THE_TIP * mu)
 
 
 def mass_matrix(weights: FloatArray, mu: float) -> FloatArray:
     """Return the mass matrix of the straight rod per unit of effective tip mass, shape (n, n)."""
     s, w, cumulative = quadrature(RICH + 4)
     path = cumulative @ (weights @ polynomials(s)).T
-    return (path.T * np.append(mu * w, 1.0)) @ path / (1 + 33 / 140 * mu)
+    return (path.T * np.append(mu * w, 1.0)) @ path / (1 + AT_THE_TIP * mu)
 
 
 def rod_masses(weights: FloatArray, nodes: int, *, rooted: bool = False) -> FloatArray:
@@ -94,12 +96,8 @@ def rod_masses(weights: FloatArray, nodes: int, *, rooted: bool = False) -> Floa
 def end_residual(weights: FloatArray) -> tuple[float, float]:
     """Return how a moment at the end bends the rod beyond what the shapes can show.
 
-    Returns
-    -------
-    compliance : float
-        Turn of the end beyond that of the shapes, over that of a rod under this moment, l / EI.
-    inertia : float
-        Integral of the squared deflection of that bending, per squared turn of the end and per length.
+    Returned: `compliance`: turn of the end beyond that of the shapes, over that of a rod under this moment, l / EI;
+    `inertia`: integral of the squared deflection of that bending, per squared turn of the end and per length.
     """
     s, w, cumulative = quadrature(RICH + 4)
     bends, ends = weights @ curvatures(s), weights.sum(axis=1)
@@ -146,11 +144,8 @@ def static_shapes(weights: FloatArray, deflections: FloatArray) -> FloatArray:
 def reduced_shapes(count: int) -> FloatArray:
     """Return the weights (count, RICH) of the shapes that matter most, in polynomials.
 
-    Parameters
-    ----------
-    count : int
-        2: the static shape and the second bending mode; 3: the large-deflection correction as well; 4: and the third
-        bending mode.
+    `count`: 2: the static shape and the second bending mode; 3: the large-deflection correction as well; 4: and the
+    third bending mode.
     """
     everything = np.eye(RICH)
     bending = bending_matrix(everything)

@@ -1,4 +1,4 @@
-"""The systems that were declared in this process, by the name of their base."""
+"""The systems that were declared in this process, by the name of their base, and which effects have a place on them."""
 
 from __future__ import annotations
 
@@ -7,21 +7,24 @@ from typing import Any
 
 import numpy as np
 
+from discovery.declarations.effect import Effect
+from discovery.declarations.place import can_be_placed, placed
+from discovery.declarations.registry import catalogue
 from discovery.declarations.system import SystemDeclaration
 from discovery.foundation.errors import InputError
+from discovery.mechanics.base import Base
 from discovery.mechanics.declared import DeclaredBase
 from discovery.mechanics.declared_equations import coordinates_of, is_moved_by_input, read_equations
 
 _DECLARED: dict[str, DeclaredBase] = {}
+#: What changes the whole of a declared system, not a force at one of its places.
+_WHOLE = ("drive", "sensor")
 
 
 def declare(declaration: SystemDeclaration) -> str:
     """Make a system known, and return the name of its base, for `discovery.equations.model.Model`.
 
-    Raises
-    ------
-    InputError
-        Where a text of it cannot be read, units do not fit, or a coordinate has no inertia: with the key.
+    Raises InputError where a text of it cannot be read, units do not fit, or a coordinate has no inertia: with the key.
     """
     if declaration.identity not in _DECLARED:
         equations = read_equations(declaration)
@@ -71,3 +74,21 @@ def _check(base: DeclaredBase) -> None:
     q, rates, accelerations = coordinates_of(len(base.declaration.coordinates))
     if not base.equations.output.free_symbols & {*q, *rates, *accelerations}:
         raise InputError("key 'output': no coordinate stands in it. Write what the instrument reads of them.")
+
+
+def check_place(base: Base, effect: Effect) -> None:
+    """Refuse a force without a place where a system has several, and one at a place that it has not.
+
+    Raises InputError with the ids that fit.
+    """
+    places, name = base.places(), effect.id()
+    if effect.place and effect.place not in places:
+        known = f"Its places are {', '.join(places)}." if places else "Only a system declared in [system] has places."
+        raise InputError(f"Effect {name!r} acts at {effect.place!r}, which is no place of the system. {known}")
+    if not places or effect.place or name not in catalogue() or effect.kind in _WHOLE:
+        return
+    if not can_be_placed(effect):
+        raise InputError(f"Effect {name!r} has no meaning on a declared system. Remove it.")
+    raise InputError(
+        f"Effect {name!r} needs a place on a declared system. Write {' or '.join(placed(name, p) for p in places)}."
+    )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from discovery.foundation.arguments import expect
-from discovery.foundation.prefixes import prefix_for
+from discovery.foundation.estimate_text import prefix_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -61,10 +61,9 @@ class DatasetViews:
         return f"<Dataset {self.rig.name!r} ({self.rig.kind}): {counts}>"
 
     def _repr_html_(self: Any) -> str:
-        every = (*self.everything, *(("test", e) for e in self.test))
         rows = [
             (role, r.name, r.time.size, float(r.time[-1] - r.time[0]), ", ".join(r.channels), len(r.notes))
-            for role, r in ((role, e.recording) for role, e in every)
+            for role, r in ((role, e.recording) for role, e in self.with_test)
         ]
         header = ("role", "recording", "readings", "duration [s]", "channels", "flags")
         return html_table(f"{self.rig.name}, {self.rig.kind}", header, rows)
@@ -77,9 +76,8 @@ class DatasetViews:
         axes : Axes or sequence of Axes, optional
             One for each recording; new ones otherwise.
         """
-        every = (*self.everything, *(("test", e) for e in self.test))
-        drawn = axes_below(len(every), axes)
-        for ax, (role, experiment) in zip(drawn, every, strict=True):
+        drawn = axes_below(len(self.with_test), axes)
+        for ax, (role, experiment) in zip(drawn, self.with_test, strict=True):
             r = experiment.recording
             for name, unit, values in zip(r.channels, r.units, r.output.T, strict=True):
                 ax.plot(r.time, values, _style(values), markersize=3, linewidth=0.9, label=name)

@@ -11,14 +11,13 @@ from numpy.random import Generator
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
+from discovery.estimation.holdout import fitted_states
 from discovery.estimation.problem import Problem
-from discovery.estimation.starts import fitted_states
 from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.posterior.instrument import noise_names
-from discovery.recordings.chosen import Recordings, training_of
-from discovery.recordings.one_system import check_model
+from discovery.recordings.chosen import Recordings, check_model, training_of
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:

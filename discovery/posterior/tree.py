@@ -30,7 +30,7 @@ from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
 from discovery.posterior.noise.quantised import Quantised
 from discovery.posterior.noise.student_t import StudentT
 from discovery.posterior.predictive import degrees, errors, noise_factor, simulated
-from discovery.recordings.quantisation import quantum
+from discovery.recordings.reading_noise import quantum
 
 if TYPE_CHECKING:
     import xarray as xr

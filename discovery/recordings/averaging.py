@@ -9,11 +9,9 @@ import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import gaps, median_step
-from discovery.recordings.band_noise import BandNoise
 from discovery.recordings.flags import Flag
-from discovery.recordings.quantisation import lasting_rounding
+from discovery.recordings.reading_noise import BandNoise, filled, lasting_rounding, spectrum
 from discovery.recordings.recording import Recording
-from discovery.recordings.spectra import filled, spectrum
 from discovery.rigs.rig import Rig
 
 #: A recording keeps at least so many readings: fewer would hardly make anything quicker.

@@ -16,15 +16,13 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.plots.recordings import DatasetViews
 from discovery.recordings.averaging import averaged_down
+from discovery.recordings.copies import shared_samples
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
-from discovery.recordings.holdout_part import fitted_count
-from discovery.recordings.moving_part import moving_count, moving_part
+from discovery.recordings.holdout_part import fitted_count, moving_count, moving_part, with_flag
 from discovery.recordings.own_parts import own_parts
 from discovery.recordings.recording import Recording, read_recording
-from discovery.recordings.search_part import with_flag
-from discovery.recordings.shared_samples import shared_samples
 from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
@@ -78,6 +76,11 @@ class Dataset(DatasetViews):
     def everything(self) -> tuple[tuple[str, Experiment], ...]:
         """All recordings that are fitted or decide, with their roles."""
         return (*(("train", e) for e in self.train), *(("holdout", e) for e in self.holdout))
+
+    @property
+    def with_test(self) -> tuple[tuple[str, Experiment], ...]:
+        """These, and those for the score alone, with their roles."""
+        return (*self.everything, *(("test", e) for e in self.test))
 
 
 def _read(part: RecordPart, rig: Rig) -> Recording:
@@ -158,7 +161,7 @@ def load_dataset(
         with_flag([make_experiment(r, rig, fitted_samples=moving_count(r)) for r in found["holdout"]]),
         tuple(make_experiment(r, rig) for r in found["test"]),
     )
-    refuse_unusable([*dataset.everything, *(("test", e) for e in dataset.test)])
+    refuse_unusable(dataset.with_test)
     return dataset
 
 

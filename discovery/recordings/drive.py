@@ -14,21 +14,13 @@ from discovery.foundation.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Drive:
-    """An input as piecewise polynomials, constant before its first and after its last time.
+    """An input as piecewise polynomials, constant before its first and after its last time."""
 
-    Attributes
-    ----------
-    breakpoints : array, shape (m + 1,)
-        Times between which the input is one polynomial [s]; a step that crosses none of them sees a smooth input.
-    coefficients : array, shape (d + 1, m)
-        Of the powers of ``t - breakpoints[i]``, highest first, in the input's unit.
-    kinks : array, shape (k,)
-        Times at which acceleration, rate or value jumps: integration steps must end there.
-    """
-
+    #: (m + 1,): times between which the input is one polynomial [s]; a step that crosses none of them sees a smooth
+    #: input.
     breakpoints: FloatArray
-    coefficients: FloatArray
-    kinks: FloatArray
+    coefficients: FloatArray  # (d + 1, m), of the powers of ``t - breakpoints[i]``, highest first, in the input's unit
+    kinks: FloatArray  # (k,), times at which acceleration, rate or value jumps: integration steps must end there
 
     def evaluate(self, time: npt.ArrayLike, side: Literal["left", "right"] = "right") -> FloatArray:
         """Return value, rate and acceleration at any times [s], shape (3, n); `side` is the limit to take at a kink.

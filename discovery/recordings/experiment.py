@@ -9,17 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.declarations.units import in_coordinate, si_symbol
 from discovery.foundation.arguments import check_whole
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.start_names import start_name
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.force_view import sampling_rate, zero_phase
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
-from discovery.simulation.grid import DriveLike
-from discovery.simulation.pace import Pace
+from discovery.simulation.grid import DriveLike, Pace
 
 
 @dataclass(frozen=True, repr=False)

@@ -17,24 +17,12 @@ _FAR = 2.0  # ratio of a stated noise to a smaller one that hides what is sought
 
 @dataclass(frozen=True)
 class Flag:
-    """One thing that is unusual about a recording.
+    """One thing that is unusual about a recording."""
 
-    Parameters
-    ----------
-    code : str
-        Which.
-    column : str
-        Where in the file; empty where it is the whole recording.
-    unit : str
-        Of the column.
-    numbers : mapping
-        Sizes, counts and names [SI], by code.
-    """
-
-    code: str
-    column: str = ""
-    unit: str = "1"
-    numbers: Mapping[str, Any] = field(default_factory=dict)
+    code: str  # which
+    column: str = ""  # where in the file; empty where it is the whole recording
+    unit: str = "1"  # of the column
+    numbers: Mapping[str, Any] = field(default_factory=dict)  # sizes, counts and names [SI], by code
 
     @property
     def severity(self) -> str:

@@ -145,11 +145,8 @@ def slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | 
 
     Times [s] and heights [m] are finite. None where they are too few.
 
-    Returns
-    -------
-    (acceleration, sd, slow) or None
-        Downwards, with its standard deviation [m/s^2], and whether the fall is slow anywhere; where it is not, of its
-        first samples.
+    Returned: downwards, with its standard deviation [m/s^2], and whether the fall is slow anywhere; where it is not, of
+    its first samples.
     """
     if t.size < _SAMPLES:
         return None

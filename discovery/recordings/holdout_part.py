@@ -1,12 +1,18 @@
-"""Which part of a training recording is held out where no other recording judges."""
+"""Which part of a recording moves, which is held out where no other one judges, and on which effects are searched."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from discovery.foundation.arrays import FloatArray
+from discovery.mechanics.systems import system_base
+from discovery.recordings.experiment import Experiment
+from discovery.recordings.flags import Flag
 from discovery.recordings.recording import Recording
 
 #: A recording is looked at in so many stretches.
@@ -17,6 +23,22 @@ _MOVES = 3.0
 _SPEEDS = ("m/s", "rad/s")
 #: A speed or an input below this share of its largest is none.
 _NONE = 0.1
+#: A stretch moves where it scatters beyond its noise by so many standard errors of its scatter.
+_BEYOND = 4.0
+#: What is left behind the last of them rests where all of it scatters by no more than so many times the noise.
+_RESTS = 1.5
+#: So much of the motion's length is kept of the rest behind it, which shows where the body stays.
+_REST_KEPT = 0.1
+#: Readings of all recordings together that a search uses, and of one of them at least.
+SEARCHED, _FEWEST = 16_000, 2_000
+#: Where there are no more than so many times these, one fit to the whole costs more than the search saves.
+_WORTH = 2.0
+#: Reversals behind which the motion passes the same places in the same direction again.
+_TWICE = 2
+#: A reversal goes back by this part of the way between the ends of the motion, and by so many times the noise.
+_BACK, _TURNS_BEYOND = 0.05, 10.0
+#: Samples of a path that are looked at.
+_WAY_SAMPLES = 4_000
 
 
 def fitted_count(recording: Recording, *, pushed: bool = True) -> int:
@@ -100,3 +122,114 @@ def _scatter(recording: Recording, first: int, last: int) -> float:
     """Return the largest standard deviation of any channel over a range of samples [noise sds]; gaps count nothing."""
     channels = zip(recording.output[first:last].T, recording.noise.tolist(), strict=True)
     return max(float(np.std(c[np.isfinite(c)])) / noise if np.isfinite(c).any() else 0.0 for c, noise in channels)
+
+
+def moving_count(recording: Recording) -> int | None:
+    """Return how many samples, from the first, hold a free motion and a tenth of its length of the rest behind it.
+
+    A law of friction is smooth near zero speed: a body that it holds creeps, however slowly, for as long as the
+    recording lasts. None where the motion lasts, or where an input, which may push what rests, is recorded.
+    """
+    if recording.input is not None:
+        return None
+    count = recording.time.size
+    kept = int(np.ceil((1 + _REST_KEPT) * motion_end(recording, _moves_at, _RESTS)))
+    return kept if kept < count else None
+
+
+def moving_part(recording: Recording) -> Recording:
+    """Return a recording up to there, with a flag that says so where that is not all of it."""
+    kept = moving_count(recording)
+    if kept is None:
+        return recording
+    last, end = recording.time[[kept - 1, -1]].tolist()
+    flag = Flag("at_rest", numbers={"count": recording.time.size, "kept": kept, "last": last, "end": end})
+    output = recording.output[:kept]
+    return replace(recording, time=recording.time[:kept], output=output, flags=(*recording.flags, flag))
+
+
+def _moves_at(count: int) -> float:
+    """Return beyond which scatter a stretch of so many readings moves [noise sds]."""
+    return 1.0 + _BEYOND / float(np.sqrt(2.0 * count))
+
+
+def searched_part(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return the first parts of recordings, in proportion, with as many readings as a search uses.
+
+    What is held out of a recording stays the same share of it. Where the part would end before anything moves, the rest
+    before comes on top. Readings that passed a filter are few already.
+    """
+    total = sum(e.recording.time.size for e in experiments)
+    if total <= _WORTH * SEARCHED or any(e.rig.view is not None for e in experiments):
+        return tuple(experiments)
+    return tuple(_first_part(e, SEARCHED / total) for e in experiments)
+
+
+def with_flag(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
+    """Return recordings with a note on each of which a search uses a part."""
+    found = []
+    for whole, part in zip(experiments, searched_part(experiments), strict=True):
+        r, used = whole.recording, part.recording.time.size
+        told = Flag("searched_in_part", numbers={"searched": used, "count": r.time.size})
+        found.append(whole if used == r.time.size else replace(whole, recording=replace(r, flags=(*r.flags, told))))
+    return tuple(found)
+
+
+def _first_part(experiment: Experiment, share: float) -> Experiment:
+    size, fitted = experiment.recording.time.size, experiment.fitted_samples
+    begin = motion_begin(experiment.recording)
+    # Of what rests first, a part may hold no motion.
+    rest = begin if begin >= share * (size if fitted is None else fitted) else 0
+    count = min(size, max(_FEWEST, rest + math.ceil(share * (size - rest))))
+    part = experiment.first(count)
+    if fitted is None:
+        return part
+    return replace(part, fitted_samples=max(1, rest + round((fitted - rest) * (count - rest) / (size - rest))))
+
+
+def turns_back(experiments: Sequence[Experiment]) -> bool:
+    """Return whether the motion of some recording reverses twice, so that it passes the same places once more.
+
+    Where it does not, a memory of the way cannot be told from a law of the place. It is taken to do so where the
+    readings do not show the motion of what effects act on: several coordinates, a moved base, an acceleration.
+
+    `experiments`: recordings of one system.
+    """
+    first = experiments[0]
+    base = None if first.rig.system is None else system_base(first.rig.system)
+    hidden = base is not None and (base.n_coordinates > 1 or base.input_moves or base.order > 1)
+    if first.reads_acceleration or hidden:
+        return True
+    rate = base is not None and base.order == 1
+    return any(_reversals(*_way(e, rate=rate)) >= _TWICE for e in experiments)
+
+
+def _way(experiment: Experiment, *, rate: bool) -> tuple[FloatArray, float]:
+    """Return the fitted positions without gaps, and their noise; those of a body whose rate is read begin at zero."""
+    time, read = experiment.recording.time[experiment.fitted], experiment.deflection[experiment.fitted]
+    good = np.isfinite(read)
+    time, read = time[good], read[good]
+    lever = experiment.rig.length.value if experiment.system.has_rod and experiment.rig.length else 1.0
+    # What a force is computed from is recorded as an input.
+    noise = 0.0 if experiment.rig.view is not None else float(experiment.recording.noise.max()) / lever
+    if rate:
+        steps = np.diff(time)
+        read = np.concatenate([[0.0], np.cumsum(0.5 * (read[1:] + read[:-1]) * steps)])
+        noise *= float(np.linalg.norm(steps))
+    return read[:: max(1, read.size // _WAY_SAMPLES)], noise
+
+
+def _reversals(way: FloatArray, noise: float) -> int:
+    """Return how often a path turns back by more than noise and a small part of it."""
+    if way.size == 0:
+        return 0
+    least = max(_BACK * float(np.ptp(way)), _TURNS_BEYOND * noise)
+    count, heading, low, high = 0, 0, way[0], way[0]
+    for x in way.tolist():
+        low, high = min(low, x), max(high, x)
+        turned = 1 if x > low + least else -1 if x < high - least else 0
+        if turned in (0, heading):
+            continue
+        count += heading != 0
+        heading, low, high = turned, x, x
+    return count

@@ -35,10 +35,7 @@ def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart
     first motion says so where it is not all of the rows, and one with a doubt where the input has gaps but no good
     parts.
 
-    Raises
-    ------
-    InputError
-        As reading the rows does.
+    Raises InputError as reading the rows does.
     """
     whole = read(part)
     edges, make = _edges(whole, rig)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.sampling import gaps, median_step
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.flags import MISREAD, Flag
-from discovery.recordings.quantisation import quantum
+from discovery.recordings.reading_noise import quantum
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 
 _JITTER = 0.05  # of a step

@@ -1,19 +1,210 @@
-"""The noise of readings as their scatter from sample to sample shows it, and where the rig file states another."""
+"""The noise of readings: scatter from one to the next, rounding, and noise that a filter hides from neighbours."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
+
 import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import uniform_filter1d
 
 from discovery.foundation.arrays import FloatArray
-from discovery.recordings.band_noise import BandNoise
+from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
-from discovery.recordings.quantisation import resolution
 
-_FEWEST = 200  # readings, fewer scatter too little to contradict a statement
+#: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
+_BY_OCTAVE, _LINES = 2, 16
+#: Bands of which a plateau consists at least, the ratio of the largest amplitude in it to the smallest, and how far the
+#: mean power of a band may exceed what its median says: lines of a motion exceed it.
+_BANDS, _FLAT, _NOISY = 4, 1.5, 1.5
+#: The plateau stands so far above the scatter and above the last tenth of the spectrum, in amplitude.
+_ABOVE, _LAST = 2.0, 0.45
+#: Of the standard deviation of the readings, more than which is no noise.
+_SMALL = 0.3
+#: Part of its power that the input may move.
+_MOVED = 0.01
+#: Stretches between which noise of one size differs by no more than this ratio, and its kurtosis (a Gaussian's is 3).
+_STRETCHES, _STEADY, _KURTOSIS = 8, 2.0, 4.0
+#: Noise larger than this many times that of rounding makes it as random as itself.
+_ROUNDED = 2.0
+#: Share of readings that may be missing.
+_MISSING = 0.02
+#: Of the largest weight of the window, where what a filter leaves is looked at.
+_INSIDE = 0.3
+
+_CANDIDATES = (0.05, 0.25, 0.5, 0.0)
+_TOLERANCE = 0.05
+_AGREEING = 0.98
+_NEAR_GAPS = 20.0
+_DISTINCT = 2  # distinct readings: of two, the difference is the step
+_TELLING = 0.1  # share of the differences that small multiples must be
+_NEIGHBOURS = 25  # readings over which the speed is seen
+_SHARED_STEPS = 0.21  # steps between readings whose errors are correlated
+
+_FEWEST_READINGS = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
 _JITTER = 0.05  # of a step
+
+
+@dataclass(frozen=True)
+class BandNoise:
+    """Noise that is white up to a frequency only."""
+
+    sd: float  # standard deviation of a reading, in its unit
+    #: Neighbouring readings that tell as much as one of independent noise of that size: the variance of a mean over
+    #: many readings is so many times that of independent ones.
+    alike: float
+    cutoff: float  # frequency up to which it is white [Hz]
+
+
+def band_noise(
+    time: FloatArray, values: FloatArray, scatter: float, given: FloatArray | None = None
+) -> BandNoise | None:
+    """Find noise that readings (n,) show at a distance, and hide from one to the next; None where there is none.
+
+    The spectrum of white noise is flat to its end. That of noise which a filter has passed is flat above the lines of
+    the motion and falls beyond the filter's cut-off. Such a plateau is taken for noise where it spans two octaves,
+    stands above the scatter from one reading to the next, is small against the motion, has one size throughout the
+    recording, is Gaussian, and lies where the input, if there is one, moves nothing. Impacts and friction are none:
+    they come at times. Errors of rounding are left to `lasting_rounding`. Nothing is
+    found at times [s] that are not steady.
+    """
+    if np.mean(np.isfinite(values)) < 1.0 - _MISSING or gaps(time).any():
+        return None
+    read = filled(values)
+    power = np.abs(spectrum(read)) ** 2
+    edges = _edges(values.size)
+    sizes = [_typical(power[lower:upper]) for upper, lower in pairwise(edges)]
+    found = _plateau(power, edges, sizes)
+    if found is None:
+        return None
+    first, last = found
+    inside = slice(edges[last], edges[first])
+    level = float(np.mean(power[inside]))
+    above = sum(size * (upper - lower) for size, (upper, lower) in zip(sizes[:first], pairwise(edges), strict=False))
+    variance = (level * edges[first] + above) / power.size
+    noise = BandNoise(float(np.sqrt(variance)), level / variance, edges[first] / (values.size * median_step(time)))
+    clear = level >= _ABOVE**2 * max(_typical(power[int(2 * _LAST * power.size) :]), scatter**2)
+    sized = _ROUNDED * resolution(values) < noise.sd < _SMALL * float(np.std(read))
+    still = _moved(given, inside) * float(np.var(read)) <= _MOVED * variance
+    return noise if clear and sized and still and _is_noise(read, inside) else None
+
+
+def _typical(power: FloatArray) -> float:
+    """Return the mean of the powers of noise, whatever lines stand among them."""
+    return float(np.median(power) / np.log(2.0))
+
+
+def _edges(n: int) -> list[int]:
+    """Return the lines between bands of n readings, from the last line down."""
+    edges = [n // 2 + 1]
+    while (lower := int(edges[0] * 2.0 ** (-len(edges) / _BY_OCTAVE))) <= edges[-1] - _LINES:
+        edges.append(lower)
+    return edges
+
+
+def _plateau(power: FloatArray, edges: list[int], sizes: list[float]) -> tuple[int, int] | None:
+    """Return the edges, upper and lower, between which most bands in a row are of one size and hold no line."""
+    noisy = [
+        power[lower:upper].mean() <= _NOISY * size for size, (upper, lower) in zip(sizes, pairwise(edges), strict=True)
+    ]
+
+    def flat(first: int, last: int) -> bool:
+        # Nothing beyond it stands out of it.
+        return all(noisy[first:last]) and max(sizes[:last]) <= _FLAT**2 * min(sizes[first:last])
+
+    runs = [(i, j) for i in range(len(sizes)) for j in range(i + _BANDS, len(sizes) + 1) if flat(i, j)]
+    return max(runs, key=lambda run: run[1] - run[0], default=None)
+
+
+def _is_noise(values: FloatArray, inside: slice) -> bool:
+    """Return whether what a band of lines holds has one size throughout, and the kurtosis of Gaussian noise."""
+    lines, window = spectrum(values), np.hanning(values.size)
+    kept = np.zeros_like(lines)
+    kept[inside] = lines[inside]
+    held = window > _INSIDE
+    left = np.fft.irfft(kept, values.size)[held] / window[held]
+    sizes = [float(np.std(part)) for part in np.array_split(left, _STRETCHES)]
+    kurtosis = float(np.mean(left**4) / np.mean(left**2) ** 2)
+    return max(sizes) <= _STEADY * min(sizes) and kurtosis <= _KURTOSIS
+
+
+def _moved(given: FloatArray | None, inside: slice) -> float:
+    """Return which share of the power of an input a band of lines holds."""
+    if given is None or np.ptp(given) == 0.0:
+        return 0.0
+    power = np.abs(spectrum(given)) ** 2
+    return float(power[inside].sum() / power.sum())
+
+
+def filled(values: FloatArray) -> FloatArray:
+    """Return readings, shape (n,), with straight lines across their gaps, which are NaN."""
+    good = np.isfinite(values)
+    return np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
+
+
+def spectrum(values: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return the spectrum of values less their trend in a window, of unit variance for white noise of that."""
+    n = values.size
+    window = np.hanning(n)
+    line = np.polynomial.Polynomial.fit(np.arange(n), values, 1)(np.arange(n))
+    return np.asarray(np.fft.rfft(window * (values - line)) / np.sqrt(np.sum(window**2)))
+
+
+def quantum(values: FloatArray) -> float:
+    """Give the step of an instrument whose readings are all multiples of one, in their unit; 0 where there is none.
+
+    The differences between neighbouring distinct readings of a quantised signal are small multiples of the step. Their
+    lower quantiles are tried as the step and refined on all of them; the step is believed if nearly all differences are
+    within a twentieth of a multiple. NaN are skipped.
+    """
+    finite = values[np.isfinite(values)]
+    distinct = np.unique(finite)
+    if distinct.size < _DISTINCT:
+        return 0.0
+    gaps = np.diff(distinct)
+    # Conversions of units leave twins of one reading that differ in the last bits.
+    gaps = gaps[gaps > 1e-9 * (distinct[-1] - distinct[0])]
+    for share in _CANDIDATES:
+        step = float(np.quantile(gaps, share, method="lower"))
+        near = gaps[gaps < _NEAR_GAPS * step]
+        step = float(near.sum() / np.round(near / step).sum())
+        multiple = gaps[gaps < _NEAR_GAPS * step] / step
+        told = multiple.size >= max(1.0, _TELLING * gaps.size)
+        if told and np.mean(np.abs(multiple - np.round(multiple)) < _TOLERANCE) >= _AGREEING:
+            return step
+    return 0.0
+
+
+def resolution(values: FloatArray) -> float:
+    """Give the standard deviation of rounding, the smallest error that readings can have.
+
+    It is the quantum over sqrt(12), or where there is none, the last bit's. NaN are skipped.
+    """
+    finite = values[np.isfinite(values)]
+    bit = float(np.spacing(np.max(np.abs(finite), initial=np.finfo(float).tiny)))
+    return max(quantum(values), bit) / float(np.sqrt(12.0))
+
+
+def lasting_rounding(values: FloatArray, noise: float) -> float:
+    """Give the part of a noise that errs alike in neighbouring readings: the rounding of a slow motion.
+
+    Noise far larger than a step makes its rounding as random as itself, and so does a motion by a fifth of a step or
+    more between readings. `noise` is the standard deviation of readings, that of rounding included, and so is what is
+    returned, in their unit; 0 where there is no step. NaN are skipped.
+    """
+    step = quantum(values)
+    rounding = step / float(np.sqrt(12.0))
+    if not noise < 2.0 * rounding:
+        return 0.0
+    apart = np.abs(np.diff(values[np.isfinite(values)])) / step
+    moved = uniform_filter1d(apart, _NEIGHBOURS)
+    # Errors of a motion by this part of a step are correlated so: they are those of a saw tooth.
+    shared = np.where(moved < _SHARED_STEPS, 1.0 - 6.0 * moved + 6.0 * moved**2, 0.0)
+    return min(rounding, noise) * float(np.sqrt(shared.mean()))
 
 
 def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
@@ -95,7 +286,7 @@ def noise_flags(
     """
     estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)
-    if np.isfinite(values).sum() < _FEWEST or resolution(values) > _COARSE * scatter:
+    if np.isfinite(values).sum() < _FEWEST_READINGS or resolution(values) > _COARSE * scatter:
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []

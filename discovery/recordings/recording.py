@@ -16,18 +16,13 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
 from discovery.plots.recordings import RecordingViews
-from discovery.recordings.arm_plausibility import check_arm
-from discovery.recordings.band_noise import BandNoise, band_noise
-from discovery.recordings.file_signals import Signals
+from discovery.recordings.file_signals import ARM_STEMS, Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
-from discovery.recordings.plausibility import check_signals
-from discovery.recordings.quantisation import resolution
+from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
-from discovery.recordings.reading_noise import estimate_noise, noise_flags
-from discovery.recordings.recording_columns import ARM_STEMS
-from discovery.recordings.rounded_stamps import on_its_clock
-from discovery.recordings.time_jitter import estimate_jitter, scatter
+from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags, resolution
+from discovery.recordings.time_stamps import estimate_jitter, on_its_clock, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
-from discovery.recordings.time_jitter import left_by_cubics
+from discovery.recordings.time_stamps import left_by_cubics
 
 _SHORTEST_CLIPPED = 3  # equal readings at the extreme
 _SHORTEST_STUCK = 10  # equal readings elsewhere

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.declarations.units import quoted, si_factor
-from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray, within_half_a_turn
 from discovery.foundation.errors import InputError
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import slow_fall
@@ -29,20 +28,9 @@ _SURE = 4.0  # standard deviations beyond which something is sure
 def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list[Flag]]:
     """Join the turns of an angle that was recorded modulo 2 pi, and count it from the nearest full turn.
 
-    Parameters
-    ----------
-    angle : array, shape (n,)
-        Angle of a pendulum [rad]; NaN are gaps.
-    unit : str
-        Unit of its column, for the flags.
-
-    Returns
-    -------
-    angle : array, shape (n,)
-        The same array where it neither jumps nor lies a turn away; NaN where a single reading jumps away from its
-        neighbours and back, unless many do.
-    flags : list of Flag
-        What was joined and left out.
+    `angle` (n,): angle of a pendulum [rad]; NaN are gaps. `unit`: unit of its column, for the flags. Returned: `angle`
+    (n,): the same array where it neither jumps nor lies a turn away; NaN where a single reading jumps away from its
+    neighbours and back, unless many do; `flags`: what was joined and left out.
     """
     alone = _alone(angle)
     flags = []

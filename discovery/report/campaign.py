@@ -33,7 +33,7 @@ def build_campaign(
     """Write ``campaign.html``, one file, and ``tables/`` of a campaign, and return the path of the page.
 
     A case that has a page of its own, ``CASE/report.html``, is linked to it. Rows and pooled parameters are those of
-    `discovery.runs.campaign.rows` and `discovery.runs.pooling.pooled_parameters`. The dashboard is the address of that
+    `discovery.runs.campaign.rows` and `discovery.runs.campaign.pooled_parameters`. The dashboard is the address of that
     of the cluster that did the cases; where it is not of the web, it is not linked.
     """
     tables = {"matrix": _matrix(folder, rows), "worst": _worst(folder, rows)}

@@ -10,7 +10,7 @@ from markupsafe import escape
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.equations.contributions import radius_of
 from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
 from discovery.mechanics.systems import declaration_of, declared_base

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from discovery.foundation.estimate_text import decimals, places
-from discovery.foundation.prefixes import prefix_for
+from discovery.foundation.estimate_text import decimals, places, prefix_for
 
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")

@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from discovery.declarations.systems import System
-from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.declarations.system import System
+from discovery.foundation.arrays import BoolArray, FloatArray, within_half_a_turn
 from discovery.foundation.errors import InputError
 from discovery.foundation.start_names import is_start
 from discovery.mechanics import get_base
 from discovery.mechanics.base import Base
 from discovery.mechanics.systems import know_system
 from discovery.posterior.inference_data import attributes, by_name
-from discovery.recordings.angles import within_half_a_turn
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
 from discovery.rigs.kinds import KINDS

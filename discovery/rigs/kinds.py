@@ -6,60 +6,34 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of system with one degree of freedom.
+    """A kind of system with one degree of freedom."""
 
-    Attributes
-    ----------
-    name : str
-        The word for it in rig files.
-    base : str
-        Name of the mechanics of the bare system.
-    declared : tuple of str
-        Effect ids of the model that is declared where the rig file names none.
-    needs_input : bool or None
-        Whether recordings have an input; None where they may.
-    input, output : str
-        What they are, for messages.
-    unit : str or None
-        Unit whose dimension the output must have; None for any.
-    may_be_bare : bool
-        Whether a model without any effect describes a motion worth fitting.
-    fewest : int
-        Samples that a recording needs at least.
-    interpolation : str
-        How the input runs between samples where the rig file does not say it.
-    returns : bool
-        Whether it has a rest position, about which it swings where nothing drives it.
-    hangs, falls, shaken : bool
-        Whether gravity turns it, gravity moves it, or what it hangs on is moved.
-    searched : tuple of str
-        Names of the mechanics on which effects are searched, as a rig file may declare the signals; none where it
-        states the equations.
-    general : bool
-        Whether it may be any such system: a reader is then told of its input and its output.
-    """
-
-    name: str
-    base: str
-    declared: tuple[str, ...]
-    needs_input: bool | None
+    name: str  # the word for it in rig files
+    base: str  # name of the mechanics of the bare system
+    declared: tuple[str, ...]  # effect ids of the model that is declared where the rig file names none
+    needs_input: bool | None  # whether recordings have an input; None where they may
+    #: input, output: what they are, for messages.
     input: str
     output: str
-    unit: str | None = None
-    may_be_bare: bool = False
-    fewest: int = 50
+    unit: str | None = None  # unit whose dimension the output must have; None for any
+    may_be_bare: bool = False  # whether a model without any effect describes a motion worth fitting
+    fewest: int = 50  # samples that a recording needs at least
+    #: How the input runs between samples where the rig file does not say it.
     interpolation: Literal["motion", "spline"] = "spline"
-    returns: bool = False
+    returns: bool = False  # whether it has a rest position, about which it swings where nothing drives it
+    #: hangs, falls, shaken: whether gravity turns it, gravity moves it, or what it hangs on is moved.
     hangs: bool = False
     falls: bool = False
     shaken: bool = False
+    #: Names of the mechanics on which effects are searched, as a rig file may declare the signals; none where it states
+    #: the equations.
     searched: tuple[str, ...] = ()
-    general: bool = False
+    general: bool = False  # whether it may be any such system: a reader is then told of its input and its output
 
     @property
     def words(self) -> tuple[str, str]:

@@ -10,20 +10,6 @@ from dataclasses import dataclass
 class QuantityKind:
     """What a rig file may state of one quantity.
 
-    Attributes
-    ----------
-    unit : str
-        SI unit.
-    relative_sd, absolute_sd : float
-        Standard deviation where the file states none: a share of the value, and a part in SI units. Both are zero where
-        no standard deviation is used.
-    largest : float
-        Largest plausible value, in SI units.
-    kinds : tuple of str
-        Kinds of system in which it means something.
-    meaning : str
-        What it is, and what is done where it is left out: for people, in Markdown.
-
     Examples
     --------
     >>> mass = QUANTITIES["tip_mass"]
@@ -31,12 +17,14 @@ class QuantityKind:
     ('kg', 0.01)
     """
 
-    unit: str
+    unit: str  # SI unit
+    #: relative_sd, absolute_sd: standard deviation where the file states none: a share of the value, and a part in SI
+    #: units. Both are zero where no standard deviation is used.
     relative_sd: float = 0.0
     absolute_sd: float = 0.0
-    largest: float
-    kinds: tuple[str, ...]
-    meaning: str
+    largest: float  # largest plausible value, in SI units
+    kinds: tuple[str, ...]  # kinds of system in which it means something
+    meaning: str  # what it is, and what is done where it is left out: for people, in Markdown
 
     @property
     def has_sd(self) -> bool:

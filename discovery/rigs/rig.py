@@ -103,68 +103,36 @@ class Columns:
 
 @dataclass(frozen=True)
 class Controller:
-    """The loop around a drive, whose input is the reference: command = kv (kp (reference - q) - q').
+    """The loop around a drive, whose input is the reference: command = kv (kp (reference - q) - q')."""
 
-    Attributes
-    ----------
-    kp : float
-        Gain of the position loop [1/s].
-    kv : float
-        Gain of the velocity loop [command s / q], in SI units.
-    limit : float or None
-        Largest magnitude of the command, in SI units; None where it never saturates.
-    unit : str
-        Unit of the command as declared.
-    added : str or None
-        Column with what was added to the command, in `unit`; a file that lacks it had nothing added.
-    """
-
-    kp: float
-    kv: float
-    limit: float | None = None
-    unit: str = "1"
+    kp: float  # gain of the position loop [1/s]
+    kv: float  # gain of the velocity loop [command s / q], in SI units
+    limit: float | None = None  # largest magnitude of the command, in SI units; None where it never saturates
+    unit: str = "1"  # unit of the command as declared
+    #: Column with what was added to the command, in `unit`; a file that lacks it had nothing added.
     added: str | None = None
 
 
 @dataclass(frozen=True)
 class ForceView:
-    """Inverse dynamics: the motion, which is the input, is prescribed, and the force that it takes is the output.
+    """Inverse dynamics: the motion, which is the input, is prescribed, and the force that it takes is the output."""
 
-    Attributes
-    ----------
-    motion_cutoff : float
-        The motion is differentiated after a zero-phase low-pass of this frequency [Hz].
-    cutoff : float
-        The measured and the computed force pass through the same zero-phase low-pass of this frequency [Hz].
-    decimation : int or None
-        Of the filtered samples of the force, one in so many is used, the others are gaps of the recording; None: as
-        many as leave four in a period of `cutoff`.
-    """
-
-    motion_cutoff: float
+    motion_cutoff: float  # the motion is differentiated after a zero-phase low-pass of this frequency [Hz]
+    #: The measured and the computed force pass through the same zero-phase low-pass of this frequency [Hz].
     cutoff: float
+    #: Of the filtered samples of the force, one in so many is used, the others are gaps of the recording; None: as many
+    #: as leave four in a period of `cutoff`.
     decimation: int | None = None
 
 
 @dataclass(frozen=True)
 class RecordPart:
-    """Rows of a file.
-
-    Attributes
-    ----------
-    file : Path
-    samples : (int, int) or None
-        ``start <= i < stop`` of the rows that `where` leaves, as a Python slice.
-    where : tuple of (str, str or float)
-        Columns and the values that they must have; empty for all rows.
-    name : str or None
-        Name for people.
-    """
+    """Rows of a file."""
 
     file: Path
-    samples: tuple[int, int] | None = None
-    where: tuple[tuple[str, str | float], ...] = ()
-    name: str | None = None
+    samples: tuple[int, int] | None = None  # ``start <= i < stop`` of the rows that `where` leaves, as a Python slice
+    where: tuple[tuple[str, str | float], ...] = ()  # columns and the values that they must have; empty for all rows
+    name: str | None = None  # name for people
 
 
 ARM_COLUMNS = Columns(TimeColumn(), InputColumn("motor_angle", "rad", "motion"), OutputColumn("tip", "m"))

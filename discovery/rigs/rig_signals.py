@@ -8,7 +8,7 @@ from discovery.declarations.units import is_force, si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
-from discovery.rigs.rig_lines import RigText
+from discovery.rigs.rig_mistakes import RigText
 from discovery.rigs.rig_schema import ColumnsTable, RigTable
 
 

@@ -16,13 +16,13 @@ from discovery.declarations import symbols
 from discovery.declarations.formula import reserved_words
 from discovery.declarations.registry import catalogue
 from discovery.declarations.system import Constant, SystemDeclaration
-from discovery.declarations.unit_words import named_unit
+from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, homogeneous, si_factor, si_symbol
 from discovery.foundation.errors import InputError, suggestion
 from discovery.mechanics.systems import system_base
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import Columns
-from discovery.rigs.rig_lines import RigText
+from discovery.rigs.rig_mistakes import RigText
 from discovery.rigs.rig_schema import RigTable
 from discovery.rigs.rig_signals import columns_of
 from discovery.rigs.system_table import ConstantTable, SystemTable

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import collections
 import csv
 import json
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -15,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.foundation.progress import Counter, Tell
+from discovery.posterior.pooled import pool
 from discovery.results.provenance import plain, read_json, write_json
 from discovery.runs.spread import Outcome, Work, spread
 
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Rows of a table held at once.
 _ROWS = 1000
+#: Cases that must have a parameter for it to be pooled: the spread of two is hardly known.
+_FEWEST = 3
 
 
 def campaign(
@@ -135,10 +140,7 @@ def collect(folder: str | os.PathLike[str], names: Iterable[str] | None = None, 
     the name of the case, and a column for every key of the mappings. Beside every table lies the same as CSV; what is
     no single value is JSON there.
 
-    Raises
-    ------
-    InputError
-        If there are no outcomes.
+    Raises InputError if there are no outcomes.
     """
     folder = Path(folder)
     found = partial(rows, folder, None if names is None else tuple(names))
@@ -204,3 +206,40 @@ def watched(outcomes: Iterable[Outcome], total: int, title: str, tell: Tell) -> 
         failed += bool(outcome.error)
         counter.told(done, f"{failed} failed" if failed else "")
         yield outcome
+
+
+def pooled_parameters(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return what the cases of a campaign say of each parameter together, see `discovery.posterior.pooled.pool`.
+
+    Rows are those of `rows`. There is an entry for each parameter that at least three systems
+    of one kind have in one unit, with a standard deviation; initial states, which belong to a recording, are left out.
+    The most frequent come first; all is JSON-ready.
+    """
+    found: dict[tuple[str, str, str], list[tuple[str, str, float, float]]] = {}
+    for row in rows:
+        for entry in row.get("parameters") or ():
+            # A parameter with brackets is of one recording.
+            if entry.get("sd") and entry.get("value") is not None and "[" not in entry["parameter"]:
+                unit = re.sub(r"\bq\b", row.get("coordinate_unit") or "q", entry.get("unit") or "")
+                group = found.setdefault((row.get("kind") or "", entry["parameter"], unit), [])
+                group.append((row["name"], entry.get("effect") or "", entry["value"], entry["sd"]))
+    groups = sorted(found.items(), key=lambda item: -len(item[1]))
+    return [_pooled(*key, estimates) for key, estimates in groups if len(estimates) >= _FEWEST]
+
+
+def _pooled(kind: str, parameter: str, unit: str, estimates: list[tuple[str, str, float, float]]) -> dict[str, Any]:
+    names, effects, values, sds = zip(*estimates, strict=True)
+    said = pool(values, sds)
+    return {
+        "parameter": parameter,
+        "effect": collections.Counter(effects).most_common(1)[0][0],
+        "kind": kind,
+        "unit": unit,
+        "mean": asdict(said.mean),
+        "spread": asdict(said.spread),
+        "following": asdict(said.following),
+        "cases": [
+            {"name": name, "value": value, "sd": sd, "shrunk": asdict(shrunk), "shrinkage": share}
+            for name, value, sd, shrunk, share in zip(names, values, sds, said.specimens, said.shrinkage, strict=True)
+        ],
+    }

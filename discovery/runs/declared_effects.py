@@ -47,6 +47,6 @@ def _again(found: Fit, effect: str) -> Refit | None:
         return None
     problem, minimum = held_fixed(without.problem, without.minimum)
     names = [effect]
-    scored = screen(problem.model, minimum, problem, names)
-    quick = refit(problem.model, minimum, problem, scored, finite=finite_starts(minimum, problem, names))
+    scored = screen(minimum, problem, names)
+    quick = refit(minimum, problem, scored, finite=finite_starts(minimum, problem, names))
     return next(iter(finish(without.problem, without.minimum, quick)), None)

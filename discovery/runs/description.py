@@ -11,7 +11,7 @@ from discovery.declarations.units import si_symbol
 from discovery.foundation.arrays import FloatArray
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
-from discovery.recordings.quantisation import quantum
+from discovery.recordings.reading_noise import quantum
 from discovery.recordings.recording import Recording
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.rig import Rig
@@ -31,7 +31,7 @@ def describe(dataset: Dataset) -> dict[str, Any]:
             "declared": list(rig.declared),
             "view": None if rig.view is None else asdict(rig.view),
         },
-        "recordings": [_recording(role, e) for role, e in (*dataset.everything, *(("test", e) for e in dataset.test))],
+        "recordings": [_recording(role, e) for role, e in dataset.with_test],
     }
 
 

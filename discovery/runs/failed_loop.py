@@ -11,8 +11,7 @@ import numpy as np
 
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.equations.model import Model
-from discovery.estimation.declared import declared_model, rig_uncertainty
-from discovery.estimation.first_fit import led
+from discovery.estimation.declared import declared_model, led, rig_uncertainty
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.export import linearise
 from discovery.foundation.errors import ComputationError, InputError, SimulationFailure
@@ -29,28 +28,19 @@ _FOLDINGS = float(np.log(100.0))
 
 @dataclass(frozen=True)
 class FailedLoop:
-    """The answer of a loop that has no fit to begin with.
+    """The answer of a loop that has no fit to begin with."""
 
-    Parameters
-    ----------
-    dataset, model
-        Rig and recordings, and the declared model.
-    code : str
-        "runs_away" (it grows from rest by itself), "unresolved" (no step resolves its motion), "diverges" (none of
-        these).
-    numbers : mapping of str to float
-        "time": first time at which the motion is not finite or far too large [s]; "grows_in": time in which a small
-        motion grows e-fold at the guesses [s]; "followed": length of the longest first part of the recordings over
-        which a fit follows [s]. Only those that are known.
-    message : str
-        What the computation said.
-    """
-
+    #: dataset, model: rig and recordings, and the declared model.
     dataset: Dataset
     model: Model
+    #: "runs_away" (it grows from rest by itself), "unresolved" (no step resolves its motion), "diverges" (none of
+    #: these).
     code: str
+    #: "time": first time at which the motion is not finite or far too large [s]; "grows_in": time in which a small
+    #: motion grows e-fold at the guesses [s]; "followed": length of the longest first part of the recordings over which
+    #: a fit follows [s]. Only those that are known.
     numbers: Mapping[str, float]
-    message: str
+    message: str  # what the computation said
 
     verdict = "unexplained"
 

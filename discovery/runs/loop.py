@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from discovery.estimation.bent_intervals import without_bent
-from discovery.estimation.declared import rig_uncertainty
-from discovery.estimation.first_fit import first_fit
+from discovery.estimation.declared import first_fit, rig_uncertainty
 from discovery.estimation.fit import Fit
-from discovery.estimation.generalised import fitted_to_all
+from discovery.estimation.generalised import fitted_to_all, without_bent
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.natural_units import natural_units
@@ -21,15 +19,14 @@ from discovery.estimation.residual import ResidualReport, errors, examine, varia
 from discovery.estimation.step import error_unit
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.arrays import FloatArray
-from discovery.foundation.progress import Tell, teller
+from discovery.foundation.progress import Course, Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
-from discovery.recordings.quantisation import resolution
-from discovery.recordings.search_part import searched_part
-from discovery.runs.course import Course
+from discovery.recordings.holdout_part import searched_part
+from discovery.recordings.reading_noise import resolution
 from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult, ModelErrorReport

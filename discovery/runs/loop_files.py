@@ -101,10 +101,7 @@ def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tu
     The motion begins at a deflection and a rate, in the static equilibrium at rest otherwise. The declared model may
     blow up beyond the motions that it was fitted to: its columns are empty then, and what is returned says why.
 
-    Raises
-    ------
-    ComputationError
-        If the final model has no prediction.
+    Raises ComputationError if the final model has no prediction.
     """
     import pandas as pd
 

@@ -10,10 +10,20 @@ import numpy as np
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.units import quoted
-from discovery.diagnosis.caution import Caution, at_edges, burst, like_noise, missed, not_carried, scattered, strayed
+from discovery.diagnosis.caution import (
+    Caution,
+    StandIn,
+    at_edges,
+    burst,
+    like_noise,
+    missed,
+    not_carried,
+    scattered,
+    stand_in,
+    strayed,
+)
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
-from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
@@ -35,31 +45,16 @@ UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 
 @dataclass(frozen=True)
 class ModelErrorReport:
-    """The error that a model keeps beside the noise.
+    """The error that a model keeps beside the noise."""
 
-    Parameters
-    ----------
-    before, after : float
-        Size for the declared and for the final model [unit of the output].
-    unit : str
-        That unit.
-    share : float
-        After over before.
-    least : float
-        Size up to which it counts as none [unit of the output].
-    held : float
-        Size for the final model on the held-out recordings [unit of the output]; zero without any.
-    depends_on : tuple of str
-        States that explain a part of what the final model leaves, the strongest first.
-    """
-
+    #: before, after: size for the declared and for the final model [unit of the output].
     before: float
     after: float
-    unit: str
-    share: float
-    least: float
-    held: float
-    depends_on: tuple[str, ...]
+    unit: str  # that unit
+    share: float  # after over before
+    least: float  # size up to which it counts as none [unit of the output]
+    held: float  # size for the final model on the held-out recordings [unit of the output]; zero without any
+    depends_on: tuple[str, ...]  # states that explain a part of what the final model leaves, the strongest first
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""

@@ -11,12 +11,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from discovery.estimation.fit import Fit
-from discovery.estimation.starts import held_out
+from discovery.estimation.holdout import held_out
 from discovery.foundation.arguments import as_folder, check_seed, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
-from discovery.foundation.time_limit import TimeIsUp, time_limit
 from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
 from discovery.results import curves
@@ -26,6 +25,7 @@ from discovery.runs import stages
 from discovery.runs.answer import _PARTS, Answer, Sampled
 from discovery.runs.failed_loop import FailedLoop, gather_failed_loop
 from discovery.runs.loop_files import models_of, of_loop, save_curves, to_clean, write_loop
+from discovery.runs.processes import TimeIsUp, time_limit
 from discovery.runs.regression_stage import can_discover, discover
 
 
@@ -153,10 +153,7 @@ def add_posterior(found: Answer, *, progress: Tell = silent, seconds: float = ma
     What is not done after so many seconds, saving left out, is left out, and results.json says so. The chains stay: the
     same run goes on with them. A limit holds in the main thread only.
 
-    Raises
-    ------
-    ComputationError
-        If there is no posterior; results.json says why.
+    Raises ComputationError if there is no posterior; results.json says why.
     """
     done, checkpoint = Sampled(), found.out / "posterior_chains.h5"
     failed = None

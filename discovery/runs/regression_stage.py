@@ -14,7 +14,7 @@ from discovery.foundation.progress import Tell, teller
 from discovery.mechanics import get_base
 from discovery.recordings.dataset import Dataset
 from discovery.rigs.rig import Rig
-from discovery.runs.stage import stage_seed
+from discovery.runs.stages import stage_seed
 
 #: Samples of one recording that the sparse regression uses: enough for hundreds of periods.
 DISCOVERY_SAMPLES = 16_384

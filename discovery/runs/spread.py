@@ -16,8 +16,7 @@ from itertools import count, islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 from discovery.foundation.errors import ComputationError, InputError
-from discovery.runs.attempt import _GRACE, Outcome, Work, attempt, case_seed
-from discovery.runs.processes import Died, pool
+from discovery.runs.processes import _GRACE, Died, Outcome, Work, attempt, case_seed, pool
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -7,36 +7,36 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.random import SeedSequence
 
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.diagnosis.missing_force import MissingForce, missing_force
 from discovery.equations.model import Model
-from discovery.estimation.declared import declared_model
-from discovery.estimation.first_fit import first_fit
+from discovery.estimation.declared import declared_model, first_fit
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.residual import errors
 from discovery.estimation.step import TOLERANCE
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Tell, silent
 from discovery.foundation.sampling import gaps
 from discovery.posterior.noise import GAUSSIAN, words_of
-from discovery.recordings.angles import within_half_a_turn
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import largest_deflection, make_experiment
 from discovery.rigs.kinds import KINDS, LINEAR_MODEL
 from discovery.runs.failed_loop import LoopFailure, failed_loop
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
-from discovery.runs.stage import stage_seed
 from discovery.selection.settings import LoopSettings
 
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
     from discovery.posterior.noise_choice import NoiseChoice
     from discovery.posterior.study import PosteriorStudy
+
+_ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
 
 
 @dataclass(frozen=True)
@@ -242,3 +242,8 @@ def unexplained(result: LoopResult, dataset: Dataset, *, progress: Tell = silent
     except ComputationError as failure:
         progress(str(failure))
         return None
+
+
+def stage_seed(seed: int, stage: str) -> int:
+    """Return the seed of one stage, independent of the others."""
+    return int(SeedSequence(seed).spawn(len(_ORDER))[_ORDER.index(stage)].generate_state(1)[0])

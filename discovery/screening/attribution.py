@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 from discovery.declarations.effect import Effect
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
-from discovery.equations.model import Model
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.workers import single_algebra
-from discovery.screening.bounded_gain import bounded_gains
+from discovery.screening.bounded_gain import bounded_gains, grams
 from discovery.screening.responses import Grid, Responses, plan, respond
-from discovery.screening.scalar_products import grams
 from discovery.simulation.simulate import THREADS
 
 #: Makes columns (n, k) white under a model error.
@@ -48,24 +46,14 @@ _TIE = 1e-9
 
 @dataclass(frozen=True)
 class Shapes:
-    """What the shapes of an effect on its grid could do to a residual, to first order.
+    """What the shapes of an effect on its grid could do to a residual, to first order."""
 
-    Parameters
-    ----------
-    responses : ndarray of float32, shape (u, n)
-        Of amplitudes, what the fitted parameters leave of them; shapes may share some.
-    rows : ndarray, shape (t, k)
-        Which of them belong to each shape.
-    transform : ndarray, shape (t, k, k)
-        Makes an orthonormal basis of these, see `discovery.screening.bounded_gain.bounded_gains`.
-    gains : ndarray, shape (t,)
-        Chi-square that each removes within its bounds.
-    """
-
+    #: (u, n): of amplitudes, what the fitted parameters leave of them; shapes may share some.
     responses: NDArray[np.float32]
-    rows: IntArray
+    rows: IntArray  # (t, k), which of them belong to each shape
+    #: (t, k, k): makes an orthonormal basis of these, see `discovery.screening.bounded_gain.bounded_gains`.
     transform: FloatArray
-    gains: FloatArray
+    gains: FloatArray  # (t,), chi-square that each removes within its bounds
 
     def bases(self, shapes: IntArray) -> NDArray[np.float32]:
         """Return the orthonormal directions of some shapes, shape (shapes, k, n)."""
@@ -87,30 +75,16 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a refit may begin.
+    """Where a refit may begin."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (f,)
-        Of what a refit estimates.
-    sizes : ndarray, shape (k,)
-        Which of them are amplitudes.
-    responses : Responses
-        Of amplitudes.
-    rows, simulated : ndarray, shape (k,), or (k * recordings,)
-        Which responses are those of this start, and to what amplitudes.
-    effect : str
-        Id.
-    own : ndarray, shape (recordings,)
-        What each recording has of its own; empty where the effect has nothing of the kind.
-    """
-
-    values: FloatArray
-    sizes: IntArray
-    responses: Responses
+    values: FloatArray  # (f,), of what a refit estimates
+    sizes: IntArray  # (k,), which of them are amplitudes
+    responses: Responses  # of amplitudes
+    #: rows, simulated (k,), or (k * recordings,): which responses are those of this start, and to what amplitudes.
     rows: IntArray
     simulated: FloatArray
-    effect: str
+    effect: str  # id
+    #: (recordings,): what each recording has of its own; empty where the effect has nothing of the kind.
     own: FloatArray = field(kw_only=True)
 
     def columns(self) -> FloatArray:
@@ -135,27 +109,14 @@ class Start:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate effect with its linear score.
+    """One candidate effect with its linear score."""
 
-    Parameters
-    ----------
-    effect : str
-        Id.
-    score : float
-        Chi-square that its linear sensitivity removes, fitted parameters re-adjusted.
-    starts : tuple of Start
-        The best ones of a refit.
-    sensitivity : ndarray, shape (n, k)
-        Orthonormal directions of the best start, orthogonal to what fitted parameters absorb.
-    shapes : Shapes
-        Every shape on the grid.
-    """
-
-    effect: str
-    score: float
-    starts: tuple[Start, ...]
+    effect: str  # id
+    score: float  # chi-square that its linear sensitivity removes, fitted parameters re-adjusted
+    starts: tuple[Start, ...]  # the best ones of a refit
+    #: (n, k): orthonormal directions of the best start, orthogonal to what fitted parameters absorb.
     sensitivity: FloatArray
-    shapes: Shapes
+    shapes: Shapes  # every shape on the grid
 
 
 def _sizes(parameter: Parameter) -> list[float]:
@@ -182,35 +143,14 @@ def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, 
     ]
 
 
-def screen(
-    model: Model,
-    minimum: Minimum,
-    problem: Problem,
-    names: Sequence[str],
-    *,
-    keep: int = _STARTS,
-) -> list[Candidate]:
+def screen(minimum: Minimum, problem: Problem, names: Sequence[str], *, keep: int = _STARTS) -> list[Candidate]:
     """Score candidate effects by their sensitivities around a fitted model, all in one batched simulation.
 
-    Parameters
-    ----------
-    model : Model
-        The fitted model.
-    minimum : Minimum
-        Its minimum on `problem`.
-    problem : Problem
-        Its bench must contain every candidate.
-    names : sequence of str
-        Candidate effect ids.
-    keep : int
-        Number of starts kept for each, at most; three times as many for effects with many shapes.
-
-    Returns
-    -------
-    list of Candidate
-        Highest score first.
+    `minimum`: that of the fitted model on `problem`, whose bench must contain every candidate. `names`: candidate
+    effect ids. `keep`: number of starts kept for each, at most; three times as many for effects with many shapes.
+    Returned: highest score first.
     """
-    bench, units, system = problem.bench, problem.units, model.mechanics.system
+    bench, units, system = problem.bench, problem.units, problem.model.mechanics.system
     grids, settings = _planned(tuple(get_effect(name) for name in names), system, units, len(bench.experiments))
     # Beside a motion that blows up nothing is gained, and every candidate begins as declared.
     reference, slopes = (np.where(np.isfinite(x), x, 0.0)[: bench.n_rows] for x in (minimum.residual, minimum.jacobian))

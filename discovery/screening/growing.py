@@ -14,11 +14,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from discovery.equations.model import Model
-from discovery.estimation.batch import fit_problems
+from discovery.estimation.batch import fit_problems, near_the_best
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
-from discovery.estimation.race import near_the_best
 from discovery.estimation.residual import variance_left
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import screen
@@ -43,12 +42,7 @@ def grows(minimum: Minimum, problem: Problem, *, first: bool) -> bool:
     Where effects were added, or an input holds the phase of an oscillator whose start was read off the recording, only
     beside a fit that went astray: a wrong model bends a resonance the wrong way, and is on another branch of it.
 
-    Parameters
-    ----------
-    minimum, problem : Minimum, Problem
-        The fit so far.
-    first : bool
-        No effect was added yet.
+    `minimum`, `problem`: the fit so far. `first`: no effect was added yet.
     """
     experiments = problem.bench.experiments
     led = problem.model.mechanics.system.has_rod or experiments[0].rig.traits.has_own_equations
@@ -59,17 +53,8 @@ def grows(minimum: Minimum, problem: Problem, *, first: bool) -> bool:
 def grown(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[Refit]:
     """Refit the model with each candidate added on the first swings, then on twice as much again and again.
 
-    Parameters
-    ----------
-    minimum, problem : Minimum, Problem
-        The fit so far.
-    names : sequence of str
-        Candidate effects.
-
-    Returns
-    -------
-    list of Refit
-        On the whole recordings, the best candidates of the first swings; none where the recordings are short.
+    `minimum`, `problem`: the fit so far. `names`: candidate effects. Returned: on the whole recordings, the best
+    candidates of the first swings; none where the recordings are short.
     """
     bench = problem.bench
     arm, declared = problem.model.mechanics.system.has_rod, bench.experiments[0].rig.traits.has_own_equations
@@ -94,9 +79,9 @@ def _followed(
     first = min(minima, key=lambda m: m.cost)
     if not np.isfinite(first.cost):
         return []
-    scored = screen(short.model, first, short, names)
+    scored = screen(first, short, names)
     far = finite_starts(first, short, names)
-    found = refit(short.model, first, short, scored, finite=far, thorough=True)[:_FOLLOWED]
+    found = refit(first, short, scored, finite=far, thorough=True)[:_FOLLOWED]
     models = [r.problem.model for r in found]
     values: list[Mapping[str, float]] = [r.values for r in found]
     while (share := 2 * share) < 1:

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from discovery.equations.model import Model
-from discovery.estimation.batch import fit_problems, together
+from discovery.estimation.batch import SLOW, Race, fit_problems, near_the_best, together
 from discovery.estimation.least_squares import Minimum, levenberg_marquardt
 from discovery.estimation.problem import Problem
-from discovery.estimation.race import SLOW, Race, near_the_best
 from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate, Start
 from discovery.screening.finite import FarStart
@@ -74,7 +73,6 @@ def held_fixed(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
 
 
 def refit(
-    model: Model,
     minimum: Minimum,
     problem: Problem,
     shortlist: Sequence[Candidate],
@@ -84,37 +82,20 @@ def refit(
 ) -> list[Refit]:
     """Refit the model with each candidate added, bounded, all together; the best of several starts of each.
 
-    Parameters
-    ----------
-    model, minimum, problem : Model, Minimum, Problem
-        The fit so far.
-    shortlist : sequence of Candidate
-        From `discovery.screening.attribution.screen`.
-    finite : sequence of FarStart
-        More starts, see `discovery.screening.finite.finite_starts`.
-    thorough : bool
-        Finish every effect with a differenced Jacobian, however far behind: a quick search may stall where it begins.
-
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first.
+    `minimum`, `problem`: the fit so far. `shortlist`: from `discovery.screening.attribution.screen`. `finite`:
+    more starts, see `discovery.screening.finite.finite_starts`. `thorough`: finish every effect with a differenced
+    Jacobian, however far behind: a quick search may stall where it begins. Returned: smallest chi-square first.
     """
     rows = problem.bench.n_rows
     starts: list[_Start] = [((c.effect,), s.values, s.columns(), None, (s,)) for c in shortlist for s in c.starts]
     starts += [((name,), vector, np.zeros((rows, vector.size)), others, ()) for name, vector, others in finite]
-    return _raced(model, minimum, problem, starts, thorough=thorough)
+    return _raced(minimum, problem, starts, thorough=thorough)
 
 
-def refit_pairs(
-    model: Model, minimum: Minimum, problem: Problem, pairs: Sequence[tuple[Candidate, Candidate]]
-) -> list[Refit]:
+def refit_pairs(minimum: Minimum, problem: Problem, pairs: Sequence[tuple[Candidate, Candidate]]) -> list[Refit]:
     """Refit the model with two candidates added at once, from their joint linear solution.
 
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first; `effect` is the second one.
+    Returned: smallest chi-square first; `effect` is the second one.
     """
     rows = problem.bench.n_rows
     known, _ = np.linalg.qr(minimum.jacobian[:rows])
@@ -128,12 +109,10 @@ def refit_pairs(
         solution = np.linalg.lstsq(free / size, -minimum.residual[:rows], rcond=None)[0]
         vector[moving] = solution / size
         starts.append((tuple(c.effect for c in pair), vector, columns, None, tuple(c.starts[0] for c in pair)))
-    return _raced(model, minimum, problem, starts)
+    return _raced(minimum, problem, starts)
 
 
-def _raced(
-    model: Model, minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thorough: bool = False
-) -> list[Refit]:
+def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thorough: bool = False) -> list[Refit]:
     """Refit from starts, all together; only the best go all the way."""
     problems: list[Problem] = []
     requests = []
@@ -141,7 +120,7 @@ def _raced(
     n_data = problem.bench.n_data
     race = Race(n_data, SLOW)
     for effects, vector, columns, others, own in starts:
-        extended = Problem(model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
+        extended = Problem(problem.model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
         old = [extended.names.index(n) for n in problem.names]
         added = [i for i, n in enumerate(extended.free) if n not in problem.free]
         lower, upper = extended.bounds
@@ -221,19 +200,9 @@ def _raced(
 def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh: bool = False) -> list[Refit]:
     """Refit with what the rig knows free again: a missing effect may have pushed it off what the rig states.
 
-    Parameters
-    ----------
-    problem, minimum : Problem, Minimum
-        The fit so far, with what the rig knows free.
-    quick : sequence of Refit
-        Refits with it held.
-    afresh : bool
-        Begin from the declared guesses as well: without its effects a fit may have gone far astray.
-
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first.
+    `problem`, `minimum`: the fit so far, with what the rig knows free. `quick`: refits with it held. `afresh`: begin
+    from the declared guesses as well: without its effects a fit may have gone far astray. Returned: smallest chi-square
+    first.
     """
     nuisance = [n for n in problem.gaussian if n in problem.free]
     fitted = problem.named(minimum.x)
@@ -258,12 +227,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh
 def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
     """Return a refit without some of its effects, fitted again.
 
-    Parameters
-    ----------
-    fitted : Refit
-        With them.
-    dropped : sequence of str
-        Effects.
+    `fitted`: with them. `dropped`: effects.
     """
     problem = fitted.problem
     smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)

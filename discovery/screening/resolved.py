@@ -32,17 +32,8 @@ _FEW = 12
 def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate], quick: Sequence[Refit]) -> list[Refit]:
     """Repeat promising refits where the error of the simulators, or a motion that blows up there, matters.
 
-    Parameters
-    ----------
-    minimum, problem, shortlist
-        As for `discovery.screening.refits.refit`.
-    quick : sequence of Refit
-        What that found.
-
-    Returns
-    -------
-    list of Refit
-        Smallest chi-square first.
+    `minimum`, `problem`, `shortlist`: as for `discovery.screening.refits.refit`. `quick`: what that found. Returned:
+    smallest chi-square first.
     """
     first = {r.effect: r for r in quick}
     best, latest, done = dict(first), dict(first), set[str]()
@@ -101,7 +92,7 @@ def _again(
     if blown:
         once = [replace(c, starts=c.starts[:1]) for c in shortlist if c.effect in blown]
         small = declared_starts(problem, blown, _FEW)
-        found += refit(problem.model, minimum, problem, once, finite=small)
+        found += refit(minimum, problem, once, finite=small)
     return best_of(found)
 
 

@@ -7,40 +7,38 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from itertools import compress
+from weakref import WeakKeyDictionary
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
 
 from discovery.declarations.effect import Effect, Expressed, Joint, Memory, Sensor
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
-from discovery.declarations.systems import System
+from discovery.declarations.symbols import t
+from discovery.declarations.system import System
+from discovery.equations.model import Model
+from discovery.equations.program import Program
 from discovery.estimation.bench import Bench
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
-from discovery.screening.ages import ages_of, ages_only, per_age
+
+#: Half of the difference of delays over which a residual is differentiated, in steps, the shortest ones.
+_DIFFERENCE = 1e-3
+#: The same changes are made around every fit of the same recordings.
+_KNOWN: WeakKeyDictionary[Bench, tuple[Sequence[Mapping[str, float]], NDArray[np.float32]]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Finite values of one effect, and where each of its amplitudes lies among all parameter sets to be simulated.
+    """Finite values of one effect, and where each of its amplitudes lies among all parameter sets to be simulated."""
 
-    Parameters
-    ----------
-    fitted : tuple of Parameter
-        What a refit estimates.
-    values : ndarray, shape (t, f)
-        Grid, a column for each of `fitted`.
-    sizes : ndarray, shape (k,)
-        Which of them are amplitudes.
-    rows : ndarray, shape (t, k), or (t, k * recordings)
-        Which response is that of each amplitude, the others absent; where recordings have values of their own, of each
-        amplitude in each recording.
-    """
-
-    fitted: tuple[Parameter, ...]
-    values: FloatArray
-    sizes: IntArray
+    fitted: tuple[Parameter, ...]  # what a refit estimates
+    values: FloatArray  # (t, f), grid, a column for each of `fitted`
+    sizes: IntArray  # (k,), which of them are amplitudes
+    #: (t, k): which response is that of each amplitude, the others absent; where recordings have values of their own,
+    #: of each amplitude in each recording.
     rows: IntArray
 
 
@@ -65,21 +63,11 @@ def _shapes_of(effect: Effect, system: str, amplitude: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Responses:
-    """How parameter sets move the residual, split by what the fitted parameters absorb.
+    """How parameter sets move the residual, split by what the fitted parameters absorb."""
 
-    Parameters
-    ----------
-    known : ndarray, shape (n, p)
-        Orthonormal basis of what they absorb.
-    left : ndarray of float32, shape (k, n)
-        What they leave of each response.
-    taken : ndarray, shape (k, p)
-        What they take, in the basis.
-    """
-
-    known: FloatArray
-    left: NDArray[np.float32]
-    taken: FloatArray
+    known: FloatArray  # (n, p), orthonormal basis of what they absorb
+    left: NDArray[np.float32]  # (k, n), what they leave of each response
+    taken: FloatArray  # (k, p), what they take, in the basis
 
     def moved(self, rows: IntArray) -> FloatArray:
         """Return whole responses, shape (n, rows)."""
@@ -91,14 +79,8 @@ def plan(
 ) -> tuple[dict[str, Grid], list[dict[str, float]]]:
     """Return the grid of every effect, and in what each parameter set to be simulated differs from the fit.
 
-    Parameters
-    ----------
-    grids : mapping of str to sequence of mapping
-        Finite values of each effect, in the problem's units.
-    system : str
-        Kind of the system.
-    recordings : int
-        Their number. An amplitude of an effect of which each has its own value is told apart in each of them.
+    `grids`: finite values of each effect, in the problem's units. `system`: kind of the system. `recordings`: their
+    number. An amplitude of an effect of which each has its own value is told apart in each of them.
     """
     count = 0
     found: dict[str, Grid] = {}
@@ -135,22 +117,11 @@ def respond(
 
     Blocks as wide as the kernel's stay in the processor's cache from the simulation to what is left. What the
     instrument alone does is read of one motion, and where it is only late, known to first order, see
-    `discovery.screening.ages`.
+    `discovery.screening.responses`.
 
-    Parameters
-    ----------
-    pool : ThreadPoolExecutor
-        Threads among which the blocks are shared.
-    bench : Bench
-        Its simulators know every effect.
-    fitted : (ndarray, ndarray)
-        Kernel parameters (p, 1) and initial states (experiments, 2, 1) of the fit.
-    settings : sequence of mapping
-        In what each set differs from the fit.
-    reference : ndarray, shape (n,)
-        Residual of the fit.
-    known : ndarray, shape (n, p)
-        Orthonormal basis of what the fitted parameters absorb.
+    `pool`: threads among which the blocks are shared. `bench`: its simulators know every effect. `fitted`: kernel
+    parameters (p, 1) and initial states (experiments, 2, 1) of the fit. `settings`: in what each set differs from the
+    fit. `reference` (n,): residual of the fit. `known` (n, p): orthonormal basis of what the fitted parameters absorb.
     """
     base, initial = fitted
     sets = _sets(bench, base, settings)
@@ -214,3 +185,63 @@ def _by_recording(bench: Bench, moved: FloatArray) -> FloatArray:
     for i, (rows, _) in enumerate(bench.blocks()):
         found[rows, :, i] = moved[rows]
     return found.reshape(len(moved), -1)
+
+
+def _delay(program: Program) -> str | None:
+    """Return a parameter that is itself a constant delay of what is read, if there is one."""
+    delays = (p for p in sorted(program.ageing) if sp.diff(program.lateness, sp.Symbol(p, real=True)) == 1)
+    return next(delays, None)
+
+
+def ages_only(bench: Bench, settings: Sequence[Mapping[str, float]]) -> BoolArray:
+    """Return which changes of a parameter set alter the age of what is read and nothing else.
+
+    None does so where readings pass a filter, which makes no product of an age that changes, or where an accelerometer
+    reads the input, which may jump.
+
+    `bench`: its simulators know every effect. `settings`: parameters that change.
+    """
+    program = bench.simulators[0].kernel.program
+    if _delay(program) is None or any(e.rig.view is not None or e.reads_acceleration for e in bench.experiments):
+        return np.zeros(len(settings), dtype=np.bool_)
+    return np.array([changed.keys() <= program.ageing for changed in settings], dtype=np.bool_)
+
+
+def per_age(bench: Bench, fitted: tuple[FloatArray, FloatArray], motions: Sequence[FloatArray]) -> FloatArray:
+    """Return how fast a residual changes as what is read grows older, shape (n, 1) [1/s].
+
+    `bench`: of the recordings. `fitted`: kernel parameters (p, 1) and initial states (experiments, 2, 1). `motions`:
+    how these move.
+    """
+    parameters, initial = fitted
+    difference = _DIFFERENCE * bench.shortest
+    delayed = np.repeat(parameters, 2, axis=1)
+    delayed[bench.names.index(_delay(bench.simulators[0].kernel.program))] += [difference, -difference]
+    older, younger = bench.residuals(delayed, np.repeat(initial, 2, axis=2), motions).T
+    if not np.isfinite([older, younger]).all():
+        return np.zeros((older.size, 1))  # a motion that blows up
+    return (older - younger)[:, None] / (2 * difference)
+
+
+def ages_of(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.float32]:
+    """Return how much older effects that were absent make each reading [s], shape (n, sets).
+
+    `bench`: of the recordings. `settings`: parameters of such effects, see `ages_only`.
+    """
+    known = _KNOWN.get(bench)
+    if known is None or known[0] != settings:
+        known = _KNOWN[bench] = settings, _ages(bench, settings)
+    return known[1]
+
+
+def _ages(bench: Bench, settings: Sequence[Mapping[str, float]]) -> NDArray[np.float32]:
+    lateness = bench.simulators[0].kernel.program.lateness
+    symbols = sorted(lateness.free_symbols - {t}, key=str)
+    declared = Model(bench.base, bench.effects).parameters
+    values = [np.array([changed.get(s.name, declared[s.name].default) for changed in settings]) for s in symbols]
+    law = sp.lambdify([t, *symbols], lateness)
+    ages = np.empty((bench.n_rows, len(settings)), dtype=np.float32)
+    for simulator, (rows, fitted) in zip(bench.simulators, bench.blocks(), strict=True):
+        found = np.broadcast_to(law(simulator.time[:, None], *values), (len(fitted), len(settings)))
+        ages[rows] = np.repeat(found, fitted.shape[1], axis=0)
+    return ages

@@ -16,11 +16,10 @@ from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import conventions
-from discovery.estimation.step_control import affordable_bench
-from discovery.estimation.turns import turns_back
-from discovery.estimation.unequal_steps import unequal_bench
+from discovery.estimation.step_control import affordable_bench, unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
+from discovery.recordings.holdout_part import turns_back
 from discovery.selection.settings import LoopSettings
 
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.

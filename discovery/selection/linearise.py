@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discovery.estimation.belief import belief_of
 from discovery.estimation.bench import Bench
-from discovery.estimation.differences import Probed, simulated
+from discovery.estimation.covariance import Probed, simulated
+from discovery.estimation.holdout import fitted_states
+from discovery.estimation.laplace import belief_of
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
-from discovery.estimation.starts import fitted_states
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.screening.refits import Refit

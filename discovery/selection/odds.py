@@ -3,7 +3,7 @@
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
 the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2; where none is
-likelier, those odds count beside. It must also move more than the share that accepted laws may leave of what they moved.
+likelier, those odds count beside. It must also move more than accepted laws may leave, a share of what they moved.
 Held out it must gain half the nats, also by the estimate alone; it stays until it loses them.
 """
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from discovery.estimation.race import SLOW, near_the_best
+from discovery.estimation.batch import SLOW, near_the_best
 from discovery.foundation.workers import at_once
 from discovery.screening.attribution import Candidate, White, screen
 from discovery.screening.finite import finite_starts
@@ -50,7 +50,7 @@ class Offers:
             names = self.context.candidates(problem.model)
             beside = f" beside {' and '.join(node.added)}" if node.added else ""
             self.context.progress(f"screening the catalogue{beside} ({len(names)} effects)")
-            self._scored[node.key] = tuple(screen(problem.model, minimum, problem, names))
+            self._scored[node.key] = tuple(screen(minimum, problem, names))
         return self._scored[node.key]
 
     def beside(self, node: Contender) -> list[Contender]:
@@ -68,7 +68,7 @@ class Offers:
 
         def whole() -> list[Refit]:
             starts = finite_starts(minimum, problem, names) if node.is_far else []
-            quick = refit(problem.model, minimum, problem, scored, finite=starts)
+            quick = refit(minimum, problem, scored, finite=starts)
             quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
             leading = [quick[i] for i in near[:most] if np.isfinite(quick[i].chi2)]
@@ -94,7 +94,7 @@ class Offers:
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
             likely = likely_pairs(self.scored(node), minimum.residual, most)
             self.context.progress("refitting pairs")
-            quick = refit_pairs(problem.model, minimum, problem, likely)
+            quick = refit_pairs(minimum, problem, likely)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: most // 2]
             full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
             sets = [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]

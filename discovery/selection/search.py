@@ -7,8 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from discovery.declarations.registry import get_effect
-from discovery.declarations.simplicity import simplicity
+from discovery.declarations.registry import get_effect, simplicity
 from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
 from discovery.screening.refits import Refit

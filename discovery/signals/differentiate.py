@@ -53,30 +53,18 @@ class Smoother:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One coordinate with its rate and acceleration, from one smoother.
+    """One coordinate with its rate and acceleration, from one smoother."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Times of the finite samples [s].
-    observed, noise : ndarray, shape (n,)
-        The samples themselves and their standard deviations.
-    q, q_dot, q_ddot : ndarray, shape (n,)
-        Smoothed value, rate and acceleration at ``time``.
-    sd : ndarray, shape (3, n)
-        Standard deviations of the three (Bayesian intervals of Wahba 1983).
-    smoother : Smoother
-        Method and bandwidth.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (n,), times of the finite samples [s]
+    #: observed, noise (n,): the samples themselves and their standard deviations.
     observed: FloatArray
     noise: FloatArray
+    #: q, q_dot, q_ddot (n,): smoothed value, rate and acceleration at ``time``.
     q: FloatArray
     q_dot: FloatArray
     q_ddot: FloatArray
-    sd: FloatArray
-    smoother: Smoother
+    sd: FloatArray  # (3, n), standard deviations of the three (Bayesian intervals of Wahba 1983)
+    smoother: Smoother  # method and bandwidth
     spline: BSpline = field(repr=False, compare=False)
 
     def evaluate(self, t: FloatArray) -> FloatArray:

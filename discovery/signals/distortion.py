@@ -14,15 +14,25 @@ J. Schoukens, R. Pintelon, T. Dobrowiecki, Y. Rolain, Automatica 41 (2005) 491 (
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from discovery.foundation.arrays import BoolArray, FloatArray
-from discovery.signals.multisine import Distortion, Multisine, Parity
-from discovery.signals.periods import find_periods, settling_of, whole_periods
-from discovery.signals.spectral_lines import MIN_LINES, LineNoise, Lines, line_noise, lines_of, tones_of
+from discovery.signals.spectral_lines import (
+    MIN_LINES,
+    LineNoise,
+    Lines,
+    find_periods,
+    line_noise,
+    lines_of,
+    settling_of,
+    tones_of,
+    whole_periods,
+)
 
 if TYPE_CHECKING:
     from discovery.recordings.recording import Recording
@@ -30,6 +40,9 @@ if TYPE_CHECKING:
 IRREGULAR = 0.05  # of a sampling interval: times may be rounded
 SIGNIFICANCE = 1e-3
 MARGIN_DB = 1.0  # noise through a resonance makes its own estimate less certain than white noise would
+
+Parity = Literal["odd", "even", "odd or even"]
+Basis = Literal["unexcited lines", "spread over realisations"]
 
 
 def analyse_multisine(recording: Recording) -> Multisine | None:
@@ -126,3 +139,94 @@ def _distortions(
     if not both and even.sum() >= MIN_LINES:
         found.append(judged("even", even))
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Nonlinear distortion of one parity within the excited band."""
+
+    parity: Parity  # ``"odd"``, ``"even"``, or ``"odd or even"`` if the multisine excites both kinds of lines
+    #: ``"unexcited lines"``, or ``"spread over realisations"``: of the excited lines, around the mean response. The
+    #: second sees what changes with the phases; the rest of the distortion looks like a change of that response.
+    basis: Basis
+    lines: int  # number of lines used
+    #: level, noise: rms of the distortion (noise taken off) and of the noise on these lines, in the output's unit.
+    level: float
+    noise: float
+    #: Power, noise included, over that of the noise, averaged over these lines [dB]; NaN if the noise is not known.
+    ratio_db: float
+    limit_db: float  # ratio that white noise alone exceeds with a probability of 0.001 (F distribution), and 1 dB more
+    peak: float  # frequency around which the power is largest [Hz]
+    detected: bool | None  # whether the ratio exceeds the limit; None if that cannot be judged
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """Spectrum of a recording under a periodic multisine, line by line.
+
+    Levels are rms values of the sine at a line, of one averaged period, in the signal's unit.
+    """
+
+    period: int  # samples
+    rate: float  # sampling rate [Hz]
+    periods: tuple[tuple[int, ...], ...]  # first sample of every whole period that was used, by realisation
+    kind: Literal["odd", "full"]  # ``"odd"`` or ``"full"``
+    settling: float  # time after the start of a realisation until its periods repeat [s]
+    steady: bool  # whether every period used lies behind it; no verdicts otherwise, as transients reach every line
+    frequency: FloatArray  # (n,), of every line k / period, k = 1, 2, ... [Hz].
+    #: (n,): ``"excited"``, ``"odd"`` and ``"even"`` (unexcited, in the band), ``"outside"`` or ``"interference"`` (near
+    #: a tone of the input that is no line of the period, such as mains hum or drift; used for nothing).
+    line_class: NDArray[np.str_]
+    #: input, output (n,): levels; the output in the band without the part that unwanted input causes.
+    input: FloatArray
+    output: FloatArray
+    #: (n,): level of the variation over realisations at excited lines, NaN elsewhere and for a single realisation.
+    spread: FloatArray
+    noise: FloatArray  # (n,), level of the noise; NaN if it is not known
+    noise_rms: float  # standard deviation of the output's noise over all frequencies but those tones, of single samples
+    noise_source: str  # how it was found
+    interference: tuple[float, ...]  # frequencies of the tones [Hz]
+    distortions: tuple[Distortion, ...]
+    unit: str  # of the output
+
+    def verdict(self) -> tuple[str, ...]:
+        """Say in one sentence each what the noise is and whether there is distortion, of which parity."""
+        known = np.isfinite(self.noise_rms)
+        level = f"{self.noise_rms:.3g} {self.unit} rms ({self.noise_source})"
+        noise = f"noise: {level if known else self.noise_source}"
+        return (noise, *(self._sentence(distortion) for distortion in self.distortions))
+
+    def _sentence(self, found: Distortion) -> str:
+        if found.detected is None:
+            why = "the noise is not known" if self.steady else "the periods were not seen to settle"
+            return f"{found.parity} nonlinearity: cannot be judged, {why}"
+        where = f"{found.basis}, {found.lines} lines"
+        if not found.detected:
+            limit = f"the limit is {found.limit_db:.1f} dB"
+            return f"{found.parity} nonlinearity: no, {found.ratio_db:.1f} dB above the noise; {limit} ({where})"
+        against = f"{found.level:.3g} against {found.noise:.3g} {self.unit} rms, most near {found.peak:.3g} Hz"
+        return (
+            f"{found.parity} nonlinearity: yes, {found.ratio_db:.1f} dB above the noise, {against} ({where}): "
+            f"{found.parity} powers are suggested"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the numbers of the analysis without its arrays; NaN where one is not known."""
+        excited = self.frequency[self.line_class == "excited"]
+        return {
+            "kind": self.kind,
+            "period_samples": self.period,
+            "period_s": self.period / self.rate,
+            "realisations": len(self.periods),
+            "periods": [len(starts) for starts in self.periods],
+            "excited_lines": int(excited.size),
+            "band_hz": [float(excited[0]), float(excited[-1])],
+            "settling_s": self.settling,
+            "steady": self.steady,
+            "unit": self.unit,
+            "noise_rms": self.noise_rms,
+            "noise_source": self.noise_source,
+            "interference_hz": list(self.interference),
+            "distortions": [asdict(distortion) for distortion in self.distortions],
+            "verdict": list(self.verdict()),
+        }

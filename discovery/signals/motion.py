@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.signals.differentiate import Trajectory, smooth
@@ -31,27 +31,13 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion:
-    """A recording as motion: the coordinate, what drives it, and for an arm the radius over its length.
+    """A recording as motion: the coordinate, what drives it, and for an arm the radius over its length."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the recording.
-    kind : str
-        That of the rig.
-    coordinate : Trajectory
-        theta_t [rad] of an arm, the output of an oscillator.
-    drive : DriveLike or None
-        theta_m [rad] of an arm, the input of an oscillator.
-    radius : Trajectory or None
-        rho_t / l of an arm whose tip was recorded in x and y.
-    """
-
-    name: str
-    kind: str
-    coordinate: Trajectory
-    drive: DriveLike | None
-    radius: Trajectory | None = None
+    name: str  # name of the recording
+    kind: str  # that of the rig
+    coordinate: Trajectory  # theta_t [rad] of an arm, the output of an oscillator
+    drive: DriveLike | None  # theta_m [rad] of an arm, the input of an oscillator
+    radius: Trajectory | None = None  # rho_t / l of an arm whose tip was recorded in x and y
 
     @property
     def system(self) -> System:

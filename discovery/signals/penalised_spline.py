@@ -35,30 +35,17 @@ class SplineFit(NamedTuple):
 
 @dataclass(frozen=True)
 class PenalisedSpline:
-    """Banded normal equations of one knot sequence and one order of penalty.
+    """Banded normal equations of one knot sequence and one order of penalty."""
 
-    Parameters
-    ----------
-    knots : ndarray, shape (K + 6,)
-        Uniform knots.
-    gram, penalty : ndarray, shape (6, K)
-        Weighted Gram matrix of the basis and Gram matrix of the differences, in upper banded storage.
-    moment : ndarray, shape (K,)
-        Weighted moments of the samples.
-    energy : float
-        Weighted sum of the squared samples.
-    samples : int
-        Number of samples.
-    known_noise : bool
-        Score by Mallows' C_p, with weights of the true noise; by generalised cross-validation otherwise.
-    """
-
-    knots: FloatArray
+    knots: FloatArray  # (K + 6,), uniform knots
+    #: gram, penalty (6, K): weighted Gram matrix of the basis and Gram matrix of the differences, in upper banded
+    #: storage.
     gram: FloatArray
     penalty: FloatArray
-    moment: FloatArray
-    energy: float
-    samples: int
+    moment: FloatArray  # (K,), weighted moments of the samples
+    energy: float  # weighted sum of the squared samples
+    samples: int  # number of samples
+    #: Score by Mallows' C_p, with weights of the true noise; by generalised cross-validation otherwise.
     known_noise: bool
 
     def solve(self, log_smoothing: float) -> SplineFit | None:

@@ -11,16 +11,18 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, irfft, rfft
+from scipy.fft import fft, irfft, next_fast_len, rfft
 from scipy.interpolate import CubicSpline
+from scipy.signal import find_peaks
 from scipy.signal.windows import dpss
 
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
-from discovery.signals.periods import Periods, period_changes
 
 MIN_LINES = 8  # within 20 dB of the strongest line; a swinging or stepping drive has fewer
 EXCITED = 0.01  # power of an excited line relative to the strongest
 MAX_SCATTER = 0.3  # of the amplitudes over realisations; random phases change nothing, noise has 0.5
+
+MISMATCH = 0.01  # of the input's power, between a stretch and its repetition
 
 
 class Lines(NamedTuple):
@@ -161,3 +163,100 @@ def line_noise(
     level = min(float(np.mean(lines.total[outside[number[outside] % 2 == parity]])) for parity in (0, 1))
     rms, source = float(np.sqrt(period * level)), "lines above the band, taken as white"
     return LineNoise(np.full(number.size, level), rms, outside.size, source, np.ones(1))
+
+
+class Periods(NamedTuple):
+    """Period of an input in samples, and the stretches [start, stop) in which it comes again."""
+
+    period: int
+    stretches: list[tuple[int, int]]
+
+
+def find_periods(u: FloatArray) -> Periods | None:
+    """Period and stretches of the input: the lag, with its sign, at which most of its power comes again."""
+    n = u.size
+    spectrum = rfft(u, next_fast_len(2 * n))
+    likeness = irfft(np.abs(spectrum) ** 2, next_fast_len(2 * n))[:n]
+    best: tuple[float, int, list[tuple[int, int]]] = (0.0, 0, [])
+    for sign in (1, -1):
+        peaks, _ = find_peaks(sign * likeness, height=0.01 * likeness[0])
+        peaks = peaks[(peaks >= 16) & (peaks < n - 16)]
+        for lag in peaks[np.argsort(-sign * likeness[peaks], kind="stable")][:32]:
+            # An odd multisine repeats half a period later with the opposite sign.
+            period = int(lag) if sign > 0 else 2 * int(lag)
+            stretches = _repeating(u, int(lag), sign)
+            usable = [stretch for stretch in stretches if stretch[1] - stretch[0] >= period]
+            again = sum((stop - start - lag) * float(np.var(u[start:stop])) for start, stop in stretches)
+            # A sweep or a slow signal may happen to resemble itself for a short while.
+            if usable and again > max(best[0], 0.25 * lag * float(np.var(u))):
+                best = (again, period, usable)
+    return Periods(best[1], best[2]) if best[2] else None
+
+
+def _repeating(u: FloatArray, lag: int, sign: int) -> list[tuple[int, int]]:
+    """Stretches [start, stop) in which every sample equals ``sign`` times the one a lag away, within `MISMATCH`."""
+    width = max(16, lag // 64)
+    square, variance = (u[lag:] - sign * u[:-lag]) ** 2, float(np.var(u))
+    total = np.concatenate([[0.0], np.cumsum(square)])
+    same = total[width:] - total[:-width] < MISMATCH * 2.0 * width * variance
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]])))
+    stretches: list[tuple[int, int]] = []
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        stop = end - 1 + width
+        # The first and the last window may hold a few samples of what is next to them: they exceed the input's noise.
+        alien = square[start:stop] > max(30.0 * np.median(square[start:stop]), 1e-12 * variance)
+        half = width // 2
+        stop -= half - int(np.argmax(alien[-half:])) if alien[-half:].any() else 0
+        start += half - int(np.argmax(alien[:half][::-1])) if alien[:half].any() else 0
+        if stop - start < 2 * width or (stretches and start <= stretches[-1][1] - width):
+            continue
+        # What hardly moves is like anything: it repeats where it differs little by its own motion.
+        if np.mean(square[start:stop]) < MISMATCH * 2.0 * float(np.var(u[start : stop + lag])):
+            stretches.append((int(start), int(stop) + lag))
+    return stretches
+
+
+def period_changes(x: FloatArray, found: Periods, skip: int) -> list[FloatArray]:
+    """Differences between samples one period apart, of each stretch that is long enough, after the first ``skip``."""
+    spare = [stop - start - found.period for start, stop in found.stretches]
+    long = max(32, max(spare) // 2)
+    return [
+        x[start + found.period + skip : stop] - x[start + skip : stop - found.period]
+        for (start, stop), length in zip(found.stretches, spare, strict=True)
+        if length >= long
+    ]
+
+
+def settling_of(y: FloatArray, found: Periods) -> tuple[bool, int]:
+    """Whether the periods of the output were seen to become equal, and the samples that this takes."""
+    changes = period_changes(y, found, 0)
+    if not changes:
+        return False, 0
+    length = min(change.size for change in changes)
+    block = max(16, length // 12)
+    blocks = np.array([change[: length // block * block].reshape(-1, block) for change in changes])
+    power = np.nanmean(np.where(np.isfinite(blocks).any(axis=(0, 2), keepdims=True), blocks, 0.0) ** 2, axis=(0, 2))
+    floor = 4.0 * float(np.mean(power[2 * power.size // 3 :]))
+    late = np.flatnonzero(power > floor)
+    settling = 0
+    if late.size:
+        # Transients decay exponentially: at their rate so far, wait for another 15 dB.
+        decayed_db = 10.0 * np.log10(power[late[0]] / floor) if floor > 0.0 else np.inf
+        settling = int((late[-1] + 1) * block * (1.0 + min(15.0 / decayed_db, 2.0)))
+    longest = 3 * length // 4
+    return settling <= longest, min(settling, longest)
+
+
+def whole_periods(
+    u: FloatArray, y: FloatArray, found: Periods, settling: int
+) -> tuple[tuple[tuple[int, ...], ...], bool]:
+    """First samples of the whole periods that end each stretch, and whether all of them lie behind the transient."""
+    period, steady, windows = found.period, True, []
+    for start, stop in found.stretches:
+        count = (stop - start - settling) // period
+        starts = [stop - (j + 1) * period for j in reversed(range(max(count, 1)))]
+        starts = [s for s in starts if np.isfinite(y[s : s + period]).all()]
+        if starts and np.var(u[starts[0] : starts[0] + period]) > 0.1 * np.var(u):
+            windows.append(tuple(starts))
+            steady = steady and count > 0
+    return tuple(windows), steady

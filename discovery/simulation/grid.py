@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
-from discovery.simulation.pace import Pace
 from discovery.simulation.runge_kutta import CLASSICAL, Method
 
 
@@ -28,24 +27,17 @@ class DriveLike(Protocol):
 
 @dataclass(frozen=True)
 class Grid:
-    """Steps of the integration between the kinks of the drive, and where each output lies in them.
+    """Steps of the integration between the kinks of the drive, and where each output lies in them."""
 
-    Parameters
-    ----------
-    times, steps : ndarray, shape (n,)
-        Start and length of each step [s].
-    restart : ndarray of bool, shape (n,)
-        True where slopes jump (a kink of the drive, or the start).
-    drive : ndarray, shape (n, nodes, 3)
-        Input and two derivatives at the nodes of each step: start, middle and end for the classical method.
-    out_step, out_fraction, out_time, out_drive : ndarray, shapes (m,), (m,), (m,), (m, 3)
-        Step that contains each output, where in it, when, and the drive there.
-    """
-
+    #: times, steps (n,): start and length of each step [s].
     times: FloatArray
     steps: FloatArray
-    restart: BoolArray
+    restart: BoolArray  # (n,), true where slopes jump (a kink of the drive, or the start)
+    #: (n, nodes, 3): input and two derivatives at the nodes of each step: start, middle and end for the classical
+    #: method.
     drive: FloatArray
+    #: out_step, out_fraction, out_time, out_drive (m,), (m,), (m,), (m, 3): step that contains each output, where in
+    #: it, when, and the drive there.
     out_step: IntArray
     out_fraction: FloatArray
     out_time: FloatArray
@@ -110,3 +102,41 @@ def _breaks(drive: DriveLike, samples: int) -> FloatArray:
     if joins.size > samples / 2:
         joins = np.empty(0)
     return np.unique(np.concatenate([np.asarray(drive.kinks, float), joins]))
+
+
+@dataclass(frozen=True)
+class Pace:
+    """A clock that runs faster where steps must be shorter: all steps are as long by it."""
+
+    time: FloatArray  # (n,), increasing [s]
+    #: (n,): what the clock shows then [s]; never slower than time, and as fast as time before the first and after the
+    #: last.
+    clock: FloatArray
+
+    @classmethod
+    def of(cls, time: FloatArray, shares: FloatArray) -> Pace:
+        """Return the pace at which a step is a share of the longest one.
+
+        `time` (n + 1,): increasing [s]. `shares` (n,): of the longest step between one of these times and the next,
+        above zero and at most one.
+        """
+        return cls(time, time[0] + np.concatenate([[0.0], np.cumsum(np.diff(time) / shares)]))
+
+    @property
+    def least(self) -> float:
+        """The smallest share of the longest step."""
+        return float(np.min(np.diff(self.time) / np.diff(self.clock), initial=1.0))
+
+    def shown(self, time: FloatArray) -> FloatArray:
+        """Return what the clock shows at given times."""
+        return _read(time, self.time, self.clock)
+
+    def when(self, shown: FloatArray) -> FloatArray:
+        """Return when the clock shows this."""
+        return _read(shown, self.clock, self.time)
+
+
+def _read(x: FloatArray, known: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values between known ones on straight lines, and with slope one beyond them."""
+    inside = np.clip(x, known[0], known[-1])
+    return np.asarray(np.interp(inside, known, values) + (x - inside), np.float64)

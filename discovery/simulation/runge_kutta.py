@@ -8,24 +8,12 @@ from functools import cache
 
 @dataclass(frozen=True)
 class Method:
-    """A method y1 = y0 + h sum_i b_i k_i with k_i = f(t0 + c_i h, y0 + h sum_j a_ij k_j).
+    """A method y1 = y0 + h sum_i b_i k_i with k_i = f(t0 + c_i h, y0 + h sum_j a_ij k_j)."""
 
-    Parameters
-    ----------
-    order : int
-        The error of a step is of this order plus one.
-    nodes : tuple of float
-        c, the first one zero.
-    stages : tuple of tuple of float
-        Rows of a, each as long as there are stages before it.
-    weights : tuple of float
-        b.
-    """
-
-    order: int
-    nodes: tuple[float, ...]
-    stages: tuple[tuple[float, ...], ...]
-    weights: tuple[float, ...]
+    order: int  # the error of a step is of this order plus one
+    nodes: tuple[float, ...]  # c, the first one zero
+    stages: tuple[tuple[float, ...], ...]  # rows of a, each as long as there are stages before it
+    weights: tuple[float, ...]  # b
 
     @property
     def times(self) -> tuple[float, ...]:

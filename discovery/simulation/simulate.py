@@ -5,19 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from discovery.equations.program import Program
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.foundation.workers import aside, in_threads
 from discovery.mechanics import get_base
-from discovery.simulation.grid import DriveLike, Grid
-from discovery.simulation.kernel.compile import Kernel, compile_kernel
-from discovery.simulation.pace import Pace
+from discovery.simulation.grid import DriveLike, Grid, Pace
+from discovery.simulation.kernel.compile import Kernel, compile_kernel, numpy_derivative
 from discovery.simulation.runge_kutta import CLASSICAL, Method
+
+#: Part of the time in which a state forgets: the method is stable up to 2.8, and right by some tenths of that.
+_PART = 1.0
 
 
 def _threads() -> int:
@@ -32,28 +35,21 @@ def _threads() -> int:
 
 #: Blocks of lanes run in so many threads; the kernel releases the interpreter's lock.
 THREADS = _threads()
+
+
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Parameter sets made ready for the kernel: in whole blocks of lanes, those with the same effects side by side.
+    """Parameter sets made ready for the kernel: in whole blocks of lanes, those with the same effects side by side."""
 
-    Parameters
-    ----------
-    parameters, initial : ndarray, shapes (p, blocks * lanes), (states, blocks * lanes)
-        What the kernel takes.
-    order : ndarray, shape (k,)
-        Which set each column holds; idle lanes at the end repeat the last one.
-    lanes : int
-        Parameter sets in one block.
-    """
-
+    #: parameters, initial (p, blocks * lanes), (states, blocks * lanes): what the kernel takes.
     parameters: FloatArray
     initial: FloatArray
-    order: IntArray
-    lanes: int
+    order: IntArray  # (k,), which set each column holds; idle lanes at the end repeat the last one
+    lanes: int  # parameter sets in one block
 
     @property
     def blocks(self) -> int:
@@ -74,17 +70,10 @@ class Batch:
 
 @dataclass(frozen=True)
 class Misses:
-    """What readings are compared with: weight * (channel - target) at every output time.
+    """What readings are compared with: weight * (channel - target) at every output time."""
 
-    Parameters
-    ----------
-    channel : int
-        0: the readings themselves; 1: the angle of the tip; 2: its distance from the axis of the hub.
-    target, weight : ndarray, shape (m, c)
-        Of every output time and channel.
-    """
-
-    channel: int
+    channel: int  # 0: the readings themselves; 1: the angle of the tip; 2: its distance from the axis of the hub
+    #: target, weight (m, c): of every output time and channel.
     target: FloatArray
     weight: FloatArray
 
@@ -92,22 +81,9 @@ class Misses:
 class Simulator:
     """Simulates a base with a set of effects on one input, many parameter sets at once.
 
-    Parameters
-    ----------
-    base : str
-        Name of the base.
-    effects : sequence of str
-        Effect ids; an effect whose parameters are at their defaults is absent.
-    time : ndarray, shape (m,)
-        Output times [s], increasing, possibly irregular.
-    drive : DriveLike or None
-        Smooth input.
-    step : float
-        Longest step [s].
-    method : Method
-        Of the steps, where it suits the terms: `kernel.method` says.
-    pace : Pace, optional
-        Where steps are shorter.
+    `base`: name of the base. `effects`: effect ids; an effect whose parameters are at their defaults is absent. `time`
+    (m,): output times [s], increasing, possibly irregular. `drive`: smooth input. `step`: longest step [s]. `method`:
+    of the steps, where it suits the terms: `kernel.method` says. `pace`: where steps are shorter.
     """
 
     def __init__(
@@ -149,18 +125,9 @@ class Simulator:
     def __call__(self, parameters: FloatArray, deflection: FloatArray, rate: FloatArray) -> FloatArray:
         """Simulate.
 
-        Parameters
-        ----------
-        parameters : ndarray, shape (p, k)
-            Rows in the order of `names`; columns are parameter sets.
-        deflection, rate : ndarray, shape (k,)
-            Initial deflection [q] and its rate [q/s].
-
-        Returns
-        -------
-        ndarray, shape (m, r, k)
-            What the instrument reports at the output times; not finite where the motion blew up
-            (`check_finite` turns that into an error with parameters and time).
+        `parameters` (p, k): rows in the order of `names`; columns are parameter sets. `deflection`, `rate` (k,):
+        initial deflection [q] and its rate [q/s]. Returned (m, r, k): what the instrument reports at the output times;
+        not finite where the motion blew up (`check_finite` turns that into an error with parameters and time).
         """
         return simulated([self.asked(parameters, deflection, rate)])[0][0]
 
@@ -253,18 +220,9 @@ Asked = tuple[Simulator, Batch, Misses, FloatArray | None]
 def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[FloatArray, FloatArray]]:
     """Simulate on several recordings, blocks of all of them side by side.
 
-    Parameters
-    ----------
-    asked : sequence of Asked
-        One a recording.
-    stored : bool
-        Whether the misses are wanted, or their sums only.
-
-    Returns
-    -------
-    list of (ndarray, ndarray)
-        Of each: misses, shape (m, c, k), with no column where they are not stored; the sum of squares of every channel
-        and the largest magnitude, shape (c + 1, k).
+    `asked`: one a recording. `stored`: whether the misses are wanted, or their sums only. Returned: of each: misses,
+    shape (m, c, k), with no column where they are not stored; the sum of squares of every channel and the largest
+    magnitude, shape (c + 1, k).
     """
     found, jobs = [], []
     for i, (_, batch, misses, _) in enumerate(asked):
@@ -291,10 +249,7 @@ def simulated(asked: Sequence[Asked], *, stored: bool = True) -> list[tuple[Floa
 def check_finite(out: FloatArray, time: FloatArray, names: Sequence[str], parameters: FloatArray) -> None:
     """Raise if any trajectory blew up.
 
-    Raises
-    ------
-    SimulationFailure
-        With the parameters of the first set that failed and the time.
+    Raises SimulationFailure with the parameters of the first set that failed and the time.
     """
     with np.errstate(invalid="ignore"):
         good: BoolArray = np.all(np.abs(out) < _LIMIT, axis=1)
@@ -304,3 +259,20 @@ def check_finite(out: FloatArray, time: FloatArray, names: Sequence[str], parame
     when = float(time[int(np.argmax(~good[:, lane]))])
     values: Mapping[str, float] = dict(zip(names, parameters[:, lane].tolist(), strict=True))
     raise SimulationFailure(values, when, "the motion is not finite any more.")
+
+
+def classical_step(program: Program, grid: Grid, motion: FloatArray, parameters: FloatArray) -> float:
+    """Return the longest step of the classical method on a motion on which the kernel's own may be longer [s].
+
+    Infinite where nothing forgets faster than it moves, see `discovery.simulation.kernel.fused`.
+
+    `program`: what moves. `grid`: the steps of the motion. `motion` (steps, 4 states): from
+    `discovery.simulation.simulate.Simulator.motion`. `parameters` (p,): in the order of the program.
+    """
+    states = motion[:, : len(program.states)].T
+    # The memory of an effect that is absent rests.
+    moving = [rate for z, rate in program.relaxation if states[program.states.index(z)].any()]
+    if not moving:
+        return np.inf
+    rates = numpy_derivative(replace(program, slopes=tuple(moving)))
+    return _PART / max(float(np.max(rate)) for rate in rates(grid.times, grid.drive[:, 0].T, states, parameters))

@@ -38,39 +38,19 @@ class RadiusRival:
 
 @dataclass(frozen=True)
 class RadiusLaw:
-    """The radius law rho_t = l cos(gamma delta), equation (16), against its rivals.
+    """The radius law rho_t = l cos(gamma delta), equation (16), against its rivals."""
 
-    Attributes
-    ----------
-    gamma : float
-        Of the law (16) alone [-].
-    sd : float
-        From resamples of whole stretches.
-    drift : float
-        Half the difference between gamma of the larger and of the smaller deflections: no beam follows (16) exactly.
-    dynamic : float
-        Change of gamma once the pull of the swinging mass is allowed for: the share of the motion in the static law.
-    interval : tuple of float
-        95 % interval from all three, added in squares.
-    preferred : RadiusRival
-        The simplest of the laws that fit equally.
-    rivals : tuple of RadiusRival
-        All of them, best first.
-    noise_ratio : float
-        Variance of what is left over that of the instrument's noise, at the frequencies of the motion.
-    status : str
-        The result as a sentence.
-    """
-
-    gamma: float
-    sd: float
+    gamma: float  # of the law (16) alone [-]
+    sd: float  # from resamples of whole stretches
+    #: Half the difference between gamma of the larger and of the smaller deflections: no beam follows (16) exactly.
     drift: float
+    #: Change of gamma once the pull of the swinging mass is allowed for: the share of the motion in the static law.
     dynamic: float
-    interval: tuple[float, float]
-    preferred: RadiusRival
-    rivals: tuple[RadiusRival, ...]
-    noise_ratio: float
-    status: str
+    interval: tuple[float, float]  # 95 % interval from all three, added in squares
+    preferred: RadiusRival  # the simplest of the laws that fit equally
+    rivals: tuple[RadiusRival, ...]  # all of them, best first
+    noise_ratio: float  # variance of what is left over that of the instrument's noise, at the frequencies of the motion
+    status: str  # the result as a sentence
 
     def summary(self) -> list[dict[str, float | str]]:
         """One row for each rival, for a table of the report."""
@@ -115,10 +95,7 @@ def discover_radius(motions: Sequence[Motion], *, rng: np.random.Generator) -> R
     cos(gamma delta) and 1 - a delta^2 - b delta^4 compete, each alone and with kappa delta^2 theta_t'^2: the pull of
     the swinging mass straightens the rod, which a static law cannot describe.
 
-    Raises
-    ------
-    InputError
-        If no recording has a radius: they must be of an arm with tip x and y.
+    Raises InputError if no recording has a radius: they must be of an arm with tip x and y.
     """
     readings = _Readings.of(motions)
     fits = _fits(readings)

@@ -12,6 +12,7 @@ S. L. Brunton, J. L. Proctor, J. N. Kutz, PNAS 113 (2016) 3932 (SINDy); U. Fasel
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -19,17 +20,18 @@ import numpy as np
 from scipy.stats import chi2
 
 from discovery.foundation.arrays import FloatArray
+from discovery.signals.differentiate import Smoother
 from discovery.signals.motion import Motion
-from discovery.sindy.evidence import Choice, loudness
+from discovery.sindy.evidence import MISFIT, Choice, best_subsets, loudness, residual_sums
 from discovery.sindy.library import Library, build_library
-from discovery.sindy.structure import Discovery, Equation, status_of
-from discovery.sindy.subset import best_subsets, residual_sums
 
 PASSIVE = ("viscous_damping", "structural_damping", "coulomb_friction", "quadratic_drag")
 """Friction takes energy out of the motion: its coefficients are not negative."""
 
 FALSE_ALARM = 1e-3
 """Probability that noise alone adds a term, over the whole library."""
+
+_MATTERS = 1e-4  # of the variance: a hundredth of the target's rms
 
 
 def _block_grams(library: Library) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -165,3 +167,73 @@ def _resampled(
         if k := choice.size(e, again):
             included[sets[k - 1][choice.preferred(again, k)]] += 1.0
     return preferred, included
+
+
+@dataclass(frozen=True)
+class Equation:
+    """One candidate equation, theta_t'' + sum of coefficient * term = 0 (an input stands on the right)."""
+
+    #: terms, effects: names of the terms, and the ids of the effects that they stand for (None where there is none).
+    terms: tuple[str, ...]
+    effects: tuple[str | None, ...]
+    #: coefficients, sd: start values for the fit on trajectories [s^-2 over the unit of the term], and their standard
+    #: deviations.
+    coefficients: tuple[float, ...]
+    sd: tuple[float, ...]
+    unexplained: float  # share of the target's variance that the equation leaves
+    likelihood_ratio: float  # likelihood of the best equation of this size over that of this one
+    probability: float  # share of the resamples in which this is the preferred equation of its size
+
+    def __str__(self) -> str:
+        return " ".join(f"{c:+.5g} {name}" for c, name in zip(self.coefficients, self.terms, strict=True)) or "0"
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What the recordings say about the structure of the equation."""
+
+    #: The smallest equation that leaves nothing which noise could not explain; of equal ones the simplest.
+    equation: Equation
+    #: Equations of the same size that fit equally (likelihood ratio under 10): "cannot tell".
+    rivals: tuple[Equation, ...]
+    #: Share of the resamples of whole stretches in which a term is part of the chosen equation.
+    inclusion: dict[str, float]
+    table: tuple[Equation, ...]  # the best equations of each size, preferred one first
+    threshold: float  # share of the variance that a term must explain, at the size chosen
+    noise_ratio: float  # variance of what is left over that of the instrument's noise, at the frequencies of the motion
+    #: at_rest, smoothers, stretches, resamples: how the regression was made.
+    at_rest: bool
+    smoothers: tuple[Smoother, ...]
+    stretches: int
+    resamples: int
+    status: str  # the result as a sentence
+
+    def best(self, terms: int) -> Equation:
+        """Return the preferred equation of so many terms."""
+        return next(equation for equation in self.table if len(equation.terms) == terms)
+
+    def summary(self) -> list[dict[str, float | str | None]]:
+        """One row for each term of the equation, for a table of the report."""
+        e = self.equation
+        return [
+            {"term": t, "effect": f, "coefficient": c, "sd": s, "inclusion_probability": self.inclusion[t]}
+            for t, f, c, s in zip(e.terms, e.effects, e.coefficients, e.sd, strict=True)
+        ]
+
+
+def status_of(equation: Equation, rivals: Sequence[Equation], full: bool, noise: float) -> str:
+    """Say what was found, what is left and what cannot be told apart; `full` if no larger equation was looked at."""
+    left = f"{equation.unexplained:.2g}" if equation.unexplained < _MATTERS else f"{equation.unexplained:.2%}"
+    text = f"{len(equation.terms)} terms ({', '.join(equation.terms)}) explain all but {left} of the variance."
+    if full and equation.unexplained > _MATTERS:
+        text += " More terms than were allowed would explain more."
+    if noise > MISFIT:
+        text += (
+            f" What is left is {math.sqrt(noise):.2g} times the instrument's noise, at the frequencies of the motion."
+        )
+    if rivals:
+        others = "; ".join(", ".join(rival.terms) for rival in rivals[:5])
+        text += (
+            f" Cannot tell it from {len(rivals)} of the same size that fit equally ({others}); the simplest is kept."
+        )
+    return text

@@ -15,7 +15,7 @@ from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Memory, Mode, Sensor, Shape
 from discovery.declarations.parameters import natural_scale
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.declarations.systems import System
+from discovery.declarations.system import System
 from discovery.declarations.units import dimension
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program

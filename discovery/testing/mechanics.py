@@ -26,8 +26,7 @@ from discovery.testing.equations import (
     slopes_by_sympy,
     slopes_of,
 )
-from discovery.testing.hinge import hinge_residual, joint_power, turning_energy
-from discovery.testing.lagrange import elastic_pull, push_of
+from discovery.testing.hinge import elastic_pull, hinge_residual, joint_power, push_of, turning_energy
 from discovery.testing.states import Sample, derivative, every_effect, sample_states, whole, without
 
 #: Laws may be shares of these.

@@ -48,10 +48,7 @@ def integrate(
 
     `slopes` is a function of time, state and whether the limit from the left is meant (at the end of a stretch).
 
-    Raises
-    ------
-    SimulationFailure
-        If the motion blows up or the integrator gives up.
+    Raises SimulationFailure if the motion blows up or the integrator gives up.
     """
     from scipy.integrate import solve_ivp
 
@@ -90,7 +87,7 @@ def check_start(drive: DriveLike, time: FloatArray, deflection: float, rate: flo
     if not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):
         raise InputError(
             f"A drive is a function of time with its kinks; got {type(drive).__name__}. Make one from samples: by "
-            "`discovery.recordings.motion_profile.smooth_motion(time, angle, noise)` from an encoder's readings, by "
+            "`discovery.recordings.smooth_input.smooth_motion(time, angle, noise)` from an encoder's readings, by "
             "`discovery.recordings.drive.spline_drive(time, angle)` from exact ones."
         )
     t = np.asarray(time, np.float64)
@@ -108,12 +105,8 @@ def move_arm(arm: Arm, drive: DriveLike, time: FloatArray, *, deflection: float 
 
     Times (k,) increase [s]; deflection [rad] and rate [rad/s] are those at the first.
 
-    Raises
-    ------
-    InputError
-        If there is no drive, or times or initial state cannot be used.
-    SimulationFailure
-        If the motion blows up.
+    Raises InputError if there is no drive, or times or initial state cannot be used. Raises SimulationFailure if the
+    motion blows up.
     """
     time = check_start(drive, time, deflection, rate)
     size = len(arm.program.states)

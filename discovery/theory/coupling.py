@@ -30,6 +30,7 @@ from discovery.mechanics import get_base
 from discovery.mechanics.base import SHORTENING_RADIUS, Channel
 from discovery.mechanics.joint import TURN, hinged, root_of
 from discovery.mechanics.rod_end import loaded_end
+from discovery.mechanics.rod_shapes import AT_THE_TIP
 from discovery.rigs.rig import Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 
@@ -92,24 +93,13 @@ def _program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
 class Arm:
     """A model of the arm with its numbers: slopes of its state, coupling torque and tip, by numpy.
 
-    Parameters
-    ----------
-    model : Model
-        Any base of the arm with any effects; those of the instrument change nothing here.
-    values : mapping of str to float
-        Parameters by name [SI], at least all that the model leaves free; further names are passed over.
-    inertia : float
-        Effective inertia m_eff l^2 [kg m^2], see `effective_inertia`.
-
-    Raises
-    ------
-    InputError
-        If there is no model or no mapping, a free parameter has no value, or the inertia is not positive.
+    Raises InputError if there is no model or no mapping, a free parameter has no value, or the inertia is not positive.
     """
 
-    model: Model
+    model: Model  # any base of the arm with any effects; those of the instrument change nothing here
+    #: Parameters by name [SI], at least all that the model leaves free; further names are passed over.
     values: Mapping[str, float]
-    inertia: float
+    inertia: float  # effective inertia m_eff l^2 [kg m^2], see `effective_inertia`
 
     def __post_init__(self) -> None:
         if not (isinstance(self.model, Model) and isinstance(self.values, Mapping)):
@@ -165,4 +155,4 @@ def effective_inertia(rig: Rig) -> float:
     if rig.length is None or rig.tip_mass is None:
         raise InputError(f"The coupling torque of {rig.name} needs the arm's length and its tip mass in the rig file.")
     rod = rig.beam_mass.value if rig.beam_mass is not None else 0.0
-    return (rig.tip_mass.value + 33 / 140 * rod) * rig.length.value**2
+    return (rig.tip_mass.value + AT_THE_TIP * rod) * rig.length.value**2

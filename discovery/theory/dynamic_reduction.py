@@ -19,22 +19,15 @@ class DynamicReduction:
     :math:`\rho^2 + \rho'^2`; so :math:`\beta / \alpha = 13/210 - 1/10 + 1/5 - 1/25`. Nothing is free.
     `docs/MECHANICS.md` derives these numbers. They belong together: :math:`c_2 = -2 c_1` for any arm, and
     with the motor at rest only the sum of c1, c2 and c3 acts.
-
-    Parameters
-    ----------
-    beta : Fraction
-        The ratio :math:`\beta / \alpha` [-].
-    c1, c2, c3 : Fraction
-        Centrifugal stiffening, Coriolis coupling, radial inertia [-].
-    c_m : Fraction
-        Radial inertia under the motor's acceleration, of a massless rod [-].
     """
 
+    #: The ratio :math:`\beta / \alpha` [-].
     beta: Fraction = Fraction(13, 210) - Fraction(1, 10) + Fraction(1, 5) - Fraction(1, 25)
+    #: c1, c2, c3: centrifugal stiffening, Coriolis coupling, radial inertia [-].
     c1: Fraction = Fraction(1, 5)
     c2: Fraction = Fraction(-2, 5)
     c3: Fraction = Fraction(1, 25)
-    c_m: Fraction = Fraction(1, 25)
+    c_m: Fraction = Fraction(1, 25)  # radial inertia under the motor's acceleration, of a massless rod [-]
 
     @property
     def effective_beta(self) -> Fraction:

@@ -72,22 +72,13 @@ class Comparison:
 
 @dataclass(frozen=True, repr=False)
 class Prediction:
-    """Predicted parameters of an arm.
+    """Predicted parameters of an arm."""
 
-    Parameters
-    ----------
-    rig : str
-        Name of the rig.
-    delta_max : float or None
-        Largest deflection of the least-squares law [rad]; None if that law was not asked for.
-    draws : mapping of (str, str) to mapping of str to ndarray
-        For each pair of a name in ``MASSES`` and one in ``LAWS``: draws of ``alpha``, ``beta`` [s^-2], ``beta/alpha``,
-        ``gamma`` and, for the law ``dynamic``, ``c1``, ``c2``, ``c3``, ``A`` [-]; each of shape (n,). The pairs share
-        the draws of the rig. What the elastica fixes without the rig has no spread.
-    """
-
-    rig: str
-    delta_max: float | None
+    rig: str  # name of the rig
+    delta_max: float | None  # largest deflection of the least-squares law [rad]; None if that law was not asked for
+    #: For each pair of a name in ``MASSES`` and one in ``LAWS``: draws of ``alpha``, ``beta`` [s^-2], ``beta/alpha``,
+    #: ``gamma`` and, for the law ``dynamic``, ``c1``, ``c2``, ``c3``, ``A`` [-]; each of shape (n,). The pairs share
+    #: the draws of the rig. What the elastica fixes without the rig has no spread.
     draws: Mapping[tuple[str, str], Mapping[str, FloatArray]]
 
     def __repr__(self) -> str:

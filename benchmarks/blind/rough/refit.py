@@ -86,8 +86,8 @@ def at_times(clean: pd.DataFrame, time: FloatArray) -> FloatArray:
 
 def free_run(found: Any, held: Any) -> FloatArray:
     """Return what a fitted model reads in a hold-out: from rest, or from the initial state that fits it best."""
+    from discovery.estimation.holdout import held_out
     from discovery.estimation.predict import predict
-    from discovery.estimation.starts import held_out
 
     if held.system.has_rod:
         return predict(found, held)[0]

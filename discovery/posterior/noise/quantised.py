@@ -11,7 +11,7 @@ import numpy as np
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.posterior.noise.model import Noise, seen_by
 from discovery.posterior.noise.tails import rounded
-from discovery.recordings.quantisation import quantum
+from discovery.recordings.reading_noise import quantum
 
 if TYPE_CHECKING:
     from discovery.estimation.problem import Problem

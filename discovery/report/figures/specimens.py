@@ -17,7 +17,7 @@ _WIDE = 1.96
 
 
 def draw_specimens(pooled: Sequence[Mapping[str, Any]]) -> list[Picture]:
-    """Return pictures of the parameters that most cases have, from `discovery.runs.pooling.pooled_parameters`."""
+    """Return pictures of the parameters that most cases have, from `discovery.runs.campaign.pooled_parameters`."""
     return [_draw(i, parameter) for i, parameter in enumerate(pooled[:_PARAMETERS])]
 
 

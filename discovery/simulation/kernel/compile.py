@@ -43,27 +43,15 @@ _LISTENING: list[tuple[Callable[[], object], Callable[[], object]]] = []
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled simulator of one base with a set of effects.
+    """A compiled simulator of one base with a set of effects."""
 
-    Parameters
-    ----------
-    run : callable
-        The compiled loop, see ``template.txt`` for its arguments.
-    program : Program
-        What it computes.
-    lanes : int
-        Parameter sets in one block.
-    switches : ndarray, shape (e, p)
-        One where a parameter is an amplitude of an effect; an effect is absent where all of its amplitudes are zero.
-    method : Method
-        By which it takes its steps.
-    """
-
-    run: Any
-    program: Program
-    lanes: int
+    run: Any  # the compiled loop, see ``template.txt`` for its arguments
+    program: Program  # what it computes
+    lanes: int  # parameter sets in one block
+    #: (e, p): one where a parameter is an amplitude of an effect; an effect is absent where all of its amplitudes are
+    #: zero.
     switches: FloatArray
-    method: Method
+    method: Method  # by which it takes its steps
 
     @property
     def is_compiled(self) -> bool:
@@ -153,19 +141,8 @@ def _kept(base_name: str, effect_ids: tuple[str, ...], method: Method) -> tuple[
 def compile_kernel(base_name: str, effect_ids: tuple[str, ...], method: Method = CLASSICAL) -> Kernel:
     """Return the compiled kernel of a base with a set of effects, from disk where it was compiled before.
 
-    Parameters
-    ----------
-    base_name : str
-        Name of the base.
-    effect_ids : tuple of str
-        Effects; the order sets the order of the parameters.
-    method : Method
-        Of the steps, where it suits the terms; `Kernel.method` says.
-
-    Returns
-    -------
-    Kernel
-        Compiled on its first call.
+    `base_name`: name of the base. `effect_ids`: effects; the order sets the order of the parameters. `method`: of the
+    steps, where it suits the terms; `Kernel.method` says. Returned: compiled on its first call.
     """
     switches = _switches(effect_ids)
     with _LOADING:
@@ -191,7 +168,7 @@ def numpy_derivative(program: Program) -> Callable[..., list]:
     lines = [f"    {', '.join(program.parameters)}, = parameters"] if program.parameters else []
     lines += [f"    {', '.join(y.name for y in program.states)}, = state"]
     lines += [f"    {', '.join(r.name for r in RECORDED)}, = recorded"]
-    lines += assignments(program.drive, "    ") + assignments(program.derivative, "    ")
+    lines += assignments((*program.drive, *program.derivative))
     lines.append(f"    return [{', '.join(printed(e) for e in program.slopes)}]")
     functions = {"_sin": np.sin, "_cos": np.cos, "_atan2": np.arctan2, "_exp": np.exp, "_sqrt": np.sqrt, "abs": np.abs}
     namespace: dict[str, Any] = {**functions, "math": np}

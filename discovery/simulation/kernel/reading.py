@@ -63,16 +63,9 @@ def _reading(head: str, said: str, loop: Sequence[str], body: Sequence[str], aft
 def reading(over_lanes: OverLanes, coordinates: Sequence[tuple[str, str]], sampled: Sequence[str], rows: Layout) -> str:
     """Return a function that interpolates, then observes in loops of its own.
 
-    Parameters
-    ----------
-    over_lanes : callable
-        Returns the lines of a loop over the lanes, of its body.
-    coordinates : sequence of (str, str)
-        Names of the coordinates, each with that of its rate.
-    sampled : sequence of str
-        Names of other states that the reading needs.
-    rows : mapping
-        Rows of the states Y, S, F, K, of their interpolated values Q, of drive and time D.
+    `over_lanes`: returns the lines of a loop over the lanes, of its body. `coordinates`: names of the coordinates, each
+    with that of its rate. `sampled`: names of other states that the reading needs. `rows`: rows of the states Y, S, F,
+    K, of their interpolated values Q, of drive and time D.
     """
     body = [f"w[{rows['Q'][x]} + i] = {text}" for x, text in _interpolated(coordinates, sampled, rows).items()]
     body += [f"w[{row} + i] = {name}" for name, row in rows["D"].items()]
@@ -143,14 +136,8 @@ def late_interpolation(
 ) -> list[str]:
     """Return lines that interpolate in every lane at the time of its own output, that of T before by the age L.
 
-    Parameters
-    ----------
-    over_lanes, coordinates, sampled
-        See `reading`.
-    rows : mapping
-        Rows of the states Y, S, F, K, of their interpolated values Q, of drive and time D, of times T and ages L.
-    last : int
-        Which node of the drive lies at the end of a step.
+    `over_lanes`, `coordinates`, `sampled`: see `reading`. `rows`: rows of the states Y, S, F, K, of their interpolated
+    values Q, of drive and time D, of times T and ages L. `last`: which node of the drive lies at the end of a step.
     """
     (time,), (age,) = rows["T"].values(), rows["L"].values()
     body = [f"read = w[{time} + i] - w[{age} + i]", "past = read - t", "before = past if past < 0.0 else 0.0"]
@@ -167,16 +154,8 @@ def late_interpolation(
 def misses(over_lanes: OverLanes, k: int, rows: Layout, late: str) -> list[str]:
     """Return lines that weigh what channel `k` misses at output `j`, add it up, and store it where it is wanted.
 
-    Parameters
-    ----------
-    over_lanes : callable
-        See `reading`.
-    k : int
-        Channel.
-    rows : mapping
-        Rows of the readings R, of the sums of squares C and the largest miss M.
-    late : str
-        Condition under which lanes are late; they are read at other times.
+    `over_lanes`: see `reading`. `k`: channel. `rows`: rows of the readings R, of the sums of squares C and the largest
+    miss M. `late`: condition under which lanes are late; they are read at other times.
     """
     row, total = ([*rows[label].values()][k] for label in "RC")
     (largest,) = rows["M"].values()

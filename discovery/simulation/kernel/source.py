@@ -8,12 +8,10 @@ from pathlib import Path
 import sympy as sp
 
 from discovery.equations.program import RECORDED, Program
-from discovery.simulation.kernel.fused import fused_step
-from discovery.simulation.kernel.islands import Loop, Plan, plan
+from discovery.simulation.kernel.fused import fused_step, staged_step
+from discovery.simulation.kernel.islands import NOBODY, Effects, Loop, Piece, Plan, Splitter, cost, plan
 from discovery.simulation.kernel.lanes import PLACES
-from discovery.simulation.kernel.owned_terms import NOBODY, Effects, Piece, Splitter, cost
 from discovery.simulation.kernel.reading import fused_reading, late_interpolation, misses, reading
-from discovery.simulation.kernel.staged import staged_step
 from discovery.simulation.kernel.straight_line import received
 from discovery.simulation.kernel.text import computed, filled
 from discovery.simulation.runge_kutta import CLASSICAL, Method
@@ -141,16 +139,9 @@ def kernel_source(
 ) -> str:
     """Return the text of a kernel's module.
 
-    Parameters
-    ----------
-    program : Program
-        What it computes.
-    lanes : int
-        Parameter sets in one block.
-    switches : mapping of str to sequence of str
-        Effects that can be absent, each with its amplitudes.
-    method : Method
-        Steps are taken by it where a step is one short loop of smooth terms, by the classical one elsewhere.
+    `program`: what it computes. `lanes`: parameter sets in one block. `switches`: effects that can be absent, each with
+    its amplitudes. `method`: steps are taken by it where a step is one short loop of smooth terms, by the classical one
+    elsewhere.
     """
     n_q, states = program.n_coordinates, [y.name for y in program.states]
     rates = {z.name: _rate(z).name for z, _ in program.relaxation}

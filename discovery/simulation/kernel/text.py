@@ -8,7 +8,7 @@ from functools import reduce
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from discovery.simulation.kernel.owned_terms import Piece
+from discovery.simulation.kernel.islands import Piece
 
 
 class _Printer(PythonCodePrinter):
@@ -57,9 +57,9 @@ def filled(text: str, values: Mapping[str, object]) -> str:
 printed = _Printer({"fully_qualified_modules": True}).doprint
 
 
-def assignments(pairs: Iterable[tuple[sp.Symbol, sp.Expr]], indent: str) -> list[str]:
-    """Return one line of text for each assignment."""
-    return [f"{indent}{symbol.name} = {printed(expression)}" for symbol, expression in pairs]
+def assignments(pairs: Iterable[tuple[sp.Symbol, sp.Expr]]) -> list[str]:
+    """Return one line of the body of a function for each assignment."""
+    return [f"    {symbol.name} = {printed(expression)}" for symbol, expression in pairs]
 
 
 def computed(pieces: Sequence[Piece]) -> tuple[list[str], list[str], list[str]]:

@@ -27,21 +27,11 @@ _SMALLEST_DEFLECTION = 1e-3
 
 @dataclass(frozen=True)
 class StaticLaw:
-    """Cubic force law and radius law of the elastica, as in (15) and (16) of the paper.
+    """Cubic force law and radius law of the elastica, as in (15) and (16) of the paper."""
 
-    Parameters
-    ----------
-    stiffness : float
-        Linear stiffness over that of the small-deflection beam, ``3 EI / l^3`` [-].
-    cubic : float
-        Cubic stiffness over the same [-].
-    gamma : float
-        Coefficient of the radius law, eq. (16) of the paper [-].
-    """
-
-    stiffness: float
-    cubic: float
-    gamma: float
+    stiffness: float  # linear stiffness over that of the small-deflection beam, ``3 EI / l^3`` [-]
+    cubic: float  # cubic stiffness over the same [-]
+    gamma: float  # coefficient of the radius law, eq. (16) of the paper [-].
 
 
 SMALL_DEFLECTION = StaticLaw(1.0, float(Fraction(13, 210)), 1.0 / np.sqrt(5.0))
@@ -55,10 +45,7 @@ def perpendicular_law(delta: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     in one unknown is left; to lowest orders ``F_n = 3 delta + (13/70) delta^3`` and ``rho / l = 1 - delta^2 / 10``. The
     force has the sign of the deflection ``delta = theta_t - theta_m`` [rad].
 
-    Raises
-    ------
-    InputError
-        If a deflection is not finite or larger than ``DEFLECTION_MAX``.
+    Raises InputError if a deflection is not finite or larger than ``DEFLECTION_MAX``.
     """
     angle = np.asarray(delta, dtype=np.float64)
     if not np.all(np.abs(angle) <= DEFLECTION_MAX):
@@ -87,10 +74,8 @@ def usable_deflections(delta_max: float | None = None, deflection: npt.ArrayLike
 
     They are those of a recording up to `delta_max`, NaN left out, or by default equally spaced up to there.
 
-    Raises
-    ------
-    InputError
-        If neither is given, no deflection is left, or they reach beyond the elastica's domain or less than 1e-3 rad.
+    Raises InputError if neither is given, no deflection is left, or they reach beyond the elastica's domain or less
+    than 1e-3 rad.
     """
     if deflection is None and delta_max is None:
         raise InputError("The least-squares law of the elastica needs the largest deflection or the deflections.")

@@ -103,7 +103,7 @@ def _refuse(
     if drive is not None and not (hasattr(drive, "evaluate") and hasattr(drive, "kinks")):
         raise InputError(
             f"A drive is a function of time with its kinks; got {type(drive).__name__}. Make one from samples: by "
-            "`discovery.recordings.motion_profile.smooth_motion(time, angle, noise)` from an encoder's readings, by "
+            "`discovery.recordings.smooth_input.smooth_motion(time, angle, noise)` from an encoder's readings, by "
             "`discovery.recordings.drive.spline_drive(time, angle)` from exact ones."
         )
     usable = step > 0.0 and 0.0 <= retardation < np.inf and abs(deflection) <= DEFLECTION_LIMIT and np.isfinite(rate)

@@ -1,4 +1,4 @@
-"""Time stamps that a file rounds: the steady clock that explains all of them."""
+"""Errors of time stamps: taken earlier or later than they say, or rounded, which a steady clock explains."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linprog
 
 from discovery.declarations.units import si_factor
-from discovery.foundation.arrays import FloatArray
-from discovery.foundation.sampling import median_step
+from discovery.foundation.arrays import FloatArray, IntArray
+from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
-from discovery.recordings.time_jitter import left_by_cubics
 from discovery.rigs.rig import Rig
 
-IntArray = npt.NDArray[np.intp]
+_FEWEST = 200  # readings, fewer scatter too little to tell their noise from that of their stamps
+_SURE = 4.0  # standard deviations
+_ROUNDED = 2e-3  # of the median step
+_SHARE = 1 / 3  # of the readings are compared, the slowest with the fastest ones
 
-_FEWEST = 20  # stamps that all lie on a clock by chance are fewer
+_FEWEST_STAMPS = 20  # stamps that all lie on a clock by chance are fewer
 _SOME = 10  # stamps that tell how many decimals those of their size have
 _MOST_DECIMALS = 9
 _EXACT = 1e-6  # of a step, by which numbers miss their last decimal in binary
@@ -27,6 +28,85 @@ _OVER = 1e-4  # of the rounding, by which a stamp between two decimals may go ei
 _SEEN = 2e-3  # of a step: stamps that are off by less move no reading
 _SHORTER = 0.95  # of the rounding, the longest step whose stamps repeat often: one that repeats alone is wrong
 _ROUGHER = 1.1  # times the scatter on the stamps, beyond which readings were not taken on the clock
+
+
+def scatter(time: FloatArray, output: FloatArray, noise: FloatArray, jitter: float) -> FloatArray:
+    """Return the sd (n, c) of each reading: its noise and, in quadrature, slope times error of its stamp.
+
+    `noise` (c,) is that of readings that do not move, `jitter` the standard deviation of the error of a stamp [s]. NaN
+    are gaps of the output (n, c).
+    """
+    still = np.broadcast_to(noise, output.shape)
+    if jitter == 0.0:
+        return still
+    return np.asarray(np.hypot(still, jitter * np.stack([_slope(time, c) for c in output.T], axis=1)))
+
+
+def stamp_deviation(time: FloatArray) -> float:
+    """Return how far stamps lie from those of a steady clock [s]: the most that they may err, if samples are steady."""
+    near = np.diff(time)[~gaps(time)]
+    return float(np.std(near) / np.sqrt(2.0)) if near.size > 1 else 0.0
+
+
+def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> float:
+    """Estimate by how much stamps err [s], from how much more readings scatter where they move fast; see `scatter`.
+
+    Stamps that deviate from a steady clock may be right, for then the samples were not steady, or err. They err where
+    a reading lies off the cubic through its neighbours by more in the fastest third of a recording than in the
+    slowest, beyond chance; they err by no more than they deviate. The estimate is the median of the channels, zero for
+    steady stamps, and for those that do not seem to err.
+    """
+    most = stamp_deviation(time)
+    # Rounded stamps deviate as well, and by far less than would be seen in any reading.
+    if most < _ROUNDED * median_step(time):
+        return 0.0
+    return min(most, float(np.median([_of_channel(time, c, sd) for c, sd in zip(output.T, noise, strict=True)])))
+
+
+def _slope(time: FloatArray, channel: FloatArray) -> FloatArray:
+    """Return how fast a channel moves at each reading, on straight lines across its gaps."""
+    good = np.isfinite(channel)
+    if good.sum() < 2 or time.size < 3:
+        return np.zeros_like(channel)
+    return np.asarray(np.gradient(np.interp(time, time[good], channel[good]), time, edge_order=2))
+
+
+def _of_channel(time: FloatArray, channel: FloatArray, noise: float) -> float:
+    """Return the error of stamps that one channel shows [s]."""
+    good = np.isfinite(channel)
+    if good.sum() < _FEWEST:
+        return 0.0
+    error, speed = left_by_cubics(time[good], channel[good])
+    order, part = np.argsort(np.abs(speed)), int(_SHARE * speed.size)
+    slow, fast = order[:part], order[-part:]
+    base = max(_variance(error[slow]), noise**2)
+    excess = _variance(error[fast]) - base
+    # A variance from a median deviation is known to 1.6 sqrt(2 / n) of itself.
+    if excess < _SURE * 1.6 * np.sqrt(2.0 / part) * base:
+        return 0.0
+    return float(np.sqrt(excess / np.median(speed[fast] ** 2)))
+
+
+def left_by_cubics(time: FloatArray, channel: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return by how much readings miss the cubic through two neighbours on either side, and the slopes there, (n - 4,).
+
+    They are those of the third reading to the last but two; a miss has the standard deviation of one reading, and is
+    NaN next to a gap.
+    """
+    at = np.stack([time[:-4], time[1:-3], time[3:-1], time[4:]]) - time[2:-2]
+    near = np.stack([channel[:-4], channel[1:-3], channel[3:-1], channel[4:]])
+    weight = np.ones_like(at)
+    for k in range(4):
+        for j in range(4):
+            if j != k:
+                weight[k] *= at[j] / (at[j] - at[k])
+    error = (channel[2:-2] - (weight * near).sum(axis=0)) / np.sqrt(1.0 + np.square(weight).sum(axis=0))
+    return error, (near[2] - near[1]) / (at[2] - at[1])
+
+
+def _variance(values: FloatArray) -> float:
+    """Return the variance of Gaussian values, some of which are wild."""
+    return float((1.4826 * np.median(np.abs(values - np.median(values)))) ** 2)
 
 
 @dataclass(frozen=True)
@@ -79,7 +159,7 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     (30.0, 0.01)
     """
     steps = np.diff(stamps)
-    if stamps.size < _FEWEST or not (steps >= 0.0).all() or not 0.0 < np.ptp(stamps) < np.inf:
+    if stamps.size < _FEWEST_STAMPS or not (steps >= 0.0).all() or not 0.0 < np.ptp(stamps) < np.inf:
         return None
     again = np.flatnonzero(steps == 0.0)
     if again.size and _stand_twice(again, channels):
@@ -148,7 +228,7 @@ def _rougher(stamps: FloatArray, time: FloatArray, channels: Sequence[FloatArray
     """Return whether a channel misses the cubics through its neighbours by more on the clock than on the stamps."""
     for channel in channels:
         good = np.isfinite(channel)
-        if good.sum() < _FEWEST:
+        if good.sum() < _FEWEST_STAMPS:
             continue
         there, here = (np.median(np.abs(left_by_cubics(t[good], channel[good])[0])) for t in (stamps, time))
         if here > _ROUGHER * there:
