@@ -34,7 +34,7 @@ class Budget:
     most_effects: int = 5
     finished: int = 8
     pairs: int = 8
-    beam: int = 3
+    beam: int = 2
     offers: int = 7
     dearer: float = 4.0
     dear_mechanics: float = 0.5
