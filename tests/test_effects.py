@@ -10,9 +10,9 @@ import sympy as sp
 from test_bench import arm
 
 from discovery.declarations.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
+from discovery.declarations.forces import SmoothForce
 from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Parameter
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.declarations.smooth_force import SmoothForce
 from discovery.declarations.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench

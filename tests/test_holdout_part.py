@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.recordings.holdout_part import fitted_count, motion_over_noise
+from discovery.recordings.parts import fitted_count, motion_over_noise
 from discovery.recordings.recording import Recording
 
 TIME = np.linspace(0.0, 60.0, 3000)

@@ -11,8 +11,8 @@ from discovery_datasets.twin import simulate as simulate_twin
 from scipy.optimize import brentq, root
 
 from discovery.declarations import symbols as s
+from discovery.declarations.forces import SmoothForce
 from discovery.declarations.registry import get_effect
-from discovery.declarations.smooth_force import SmoothForce
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program
 from discovery.foundation.errors import InputError

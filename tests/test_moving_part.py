@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.holdout_part import moving_count, moving_part
+from discovery.recordings.parts import moving_count, moving_part
 from discovery.recordings.recording import Recording
 from discovery.runs.loop import close_loop
 

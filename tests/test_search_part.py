@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import discovery
-from discovery.recordings import holdout_part
+from discovery.recordings import parts
 from discovery.recordings.dataset import Dataset
-from discovery.recordings.holdout_part import searched_part, with_flag
+from discovery.recordings.parts import searched_part, with_flag
 
 BENCH = Path(__file__).parents[1] / "datasets" / "spring_bench" / "rig.toml"
 
@@ -21,8 +21,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Dataset:
     """Return recordings that are three times as long as a search of them may be."""
     whole = discovery.load_dataset(BENCH)
     rows = sum(e.recording.time.size for e in whole.train)
-    monkeypatch.setattr(holdout_part, "SEARCHED", rows // 3)
-    monkeypatch.setattr(holdout_part, "_FEWEST", 10)
+    monkeypatch.setattr(parts, "SEARCHED", rows // 3)
+    monkeypatch.setattr(parts, "_FEWEST", 10)
     return discovery.load_dataset(BENCH)
 
 

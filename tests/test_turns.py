@@ -10,7 +10,7 @@ import pytest
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.holdout_part import turns_back
+from discovery.recordings.parts import turns_back
 
 RIG = """
 name = "sledge"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 
+from discovery.declarations.forces import SmoothForce
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.declarations.smooth_force import SmoothForce
 from discovery.equations.model import Model
 from discovery.estimation.holdout import HoldOut
 from discovery.foundation.errors import InputError

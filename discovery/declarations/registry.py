@@ -11,8 +11,8 @@ from importlib.metadata import entry_points
 from types import ModuleType
 
 from discovery.declarations.effect import Effect
+from discovery.declarations.forces import ExternalForce, SmoothForce
 from discovery.declarations.place import at_place, can_be_placed
-from discovery.declarations.smooth_force import ExternalForce, SmoothForce
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 

@@ -16,8 +16,8 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Closure, Joint, Memory, Mode
+from discovery.declarations.forces import ExternalForce
 from discovery.declarations.registry import get_effect
-from discovery.declarations.smooth_force import ExternalForce
 from discovery.equations.contributions import radius_of
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, Program, build_program

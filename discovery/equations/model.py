@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
+from discovery.declarations.forces import ExternalForce, SmoothForce
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.declarations.smooth_force import ExternalForce, SmoothForce
 from discovery.foundation.arguments import as_words, check_keys, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.mechanics import base_names, get_base

@@ -19,7 +19,7 @@ from discovery.estimation.step import choose_step
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment, largest_deflection
-from discovery.recordings.holdout_part import motion_over_noise, two_thirds
+from discovery.recordings.parts import motion_over_noise, two_thirds
 
 #: What held-out recordings are called that were given as such.
 SEPARATE = "separate recordings"

@@ -20,8 +20,8 @@ from discovery.recordings.copies import shared_samples
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
-from discovery.recordings.holdout_part import fitted_count, moving_count, moving_part, with_flag
 from discovery.recordings.own_parts import own_parts
+from discovery.recordings.parts import fitted_count, moving_count, moving_part, with_flag
 from discovery.recordings.recording import Recording, read_recording
 from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
@@ -116,7 +116,7 @@ def load_dataset(
         Recordings; where `train` is empty, the rig file's own [records].
     keep_third : bool
         Keep the last third of every training recording, or of its motion where that ends sooner, out of the fit where
-        there is no hold-out: see `discovery.recordings.holdout_part`.
+        there is no hold-out: see `discovery.recordings.parts`.
     estimate_noise : bool
         Take the noise of each channel from its scatter from sample to sample, whatever the rig file states.
 

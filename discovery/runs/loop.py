@@ -25,7 +25,7 @@ from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
-from discovery.recordings.holdout_part import searched_part
+from discovery.recordings.parts import searched_part
 from discovery.recordings.reading_noise import resolution
 from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations

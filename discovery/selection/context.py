@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from discovery.declarations.smooth_force import SmoothForce
+from discovery.declarations.forces import SmoothForce
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -19,7 +19,7 @@ from discovery.estimation.problem import conventions
 from discovery.estimation.step_control import affordable_bench, unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
-from discovery.recordings.holdout_part import turns_back
+from discovery.recordings.parts import turns_back
 from discovery.selection.settings import LoopSettings
 
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.

@@ -7,8 +7,8 @@ from dataclasses import asdict
 
 import numpy as np
 
+from discovery.declarations.forces import SmoothForce
 from discovery.declarations.registry import get_effect, simplicity
-from discovery.declarations.smooth_force import SmoothForce
 from discovery.estimation.fit import Fit
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders

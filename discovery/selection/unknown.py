@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from discovery.declarations.smooth_force import SmoothForce
+from discovery.declarations.forces import SmoothForce
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.problem import Problem
