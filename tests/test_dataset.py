@@ -55,6 +55,30 @@ def test_without_a_hold_out_the_last_third_of_each_recording_is_kept(folder: Pat
     assert [role for role, _ in data.everything] == ["train", "train"]
 
 
+@pytest.mark.parametrize("begin", [1027.5, -400.0, 1.7e9])
+def test_times_are_counted_from_the_first_reading_where_the_clocks_zero_is_far(folder: Path, begin: float) -> None:
+    frames = {name: pd.read_csv(folder / name) for name in ("one.csv", "two.csv")}
+    for name, after in (("one.csv", 0.0), ("two.csv", 7.0)):
+        frames[name].assign(t=frames[name]["t"] + begin + after).to_csv(folder / f"late_{name}", index=False)
+    data = load_dataset(folder / "rig.toml", [folder / "late_one.csv"], [folder / "late_two.csv"])
+    near = load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "two.csv"])
+    for own, plain, after in ((data.train[0], near.train[0], 0.0), (data.holdout[0], near.holdout[0], 7.0)):
+        # What goes on from one recording to the next keeps its time between them.
+        np.testing.assert_allclose(own.recording.time, plain.recording.time + after, atol=1e-6)
+        assert own.rig.columns.time.zero == begin
+        assert "clock_far" in [f.code for f in own.recording.flags]
+        assert "clock_far" not in [f.code for f in plain.recording.flags]
+
+
+@pytest.mark.parametrize("begin", [-1.0, 0.0, 5.0])
+def test_a_clock_that_begins_near_the_recording_is_kept(folder: Path, begin: float) -> None:
+    frame = pd.read_csv(folder / "one.csv")
+    frame.assign(t=frame["t"] + begin).to_csv(folder / "late.csv", index=False)
+    (found,) = load_dataset(folder / "rig.toml", [folder / "late.csv"]).train
+    np.testing.assert_allclose(found.recording.time, frame["t"] + begin)
+    assert found.recording.flags == load_dataset(folder / "rig.toml", [folder / "one.csv"]).train[0].recording.flags
+
+
 def test_with_a_hold_out_everything_of_the_training_recordings_is_fitted(folder: Path) -> None:
     data = load_dataset(folder / "rig.toml", [folder / "one.csv"], [folder / "two.csv", folder / "three.csv"])
     assert [e.fitted_samples for e in (*data.train, *data.holdout)] == [None, None, None]

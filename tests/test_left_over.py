@@ -152,7 +152,7 @@ def test_a_gap_and_a_part_that_is_held_out_hold_nothing() -> None:
 @pytest.mark.parametrize(
     ("estimated", "steps", "words"),
     [
-        (False, None, "2 times their stated noise of 1.41 m, though averages of what is left are noise: are the time"),
+        (False, None, "2 times their noise of 1.41 m, though averages of what is left are noise: are the time"),
         (
             True,
             None,
@@ -184,15 +184,22 @@ def test_scatter_is_told_once() -> None:
     """A model error, a hold-out that is missed or a noise that is stated too small says the same."""
     after, error = fitted(np.zeros(COUNT)), SimpleNamespace(after=0.0, held=0.0, least=1.0)
 
-    def codes(where: str = "inside", code: str = "", **more: Any) -> list[str]:
-        rms = {"train": {"rms": 1.0}, "holdout": {"rms": 2.0}, f"holdout_{where}": {"rms": 2.0}}
+    def told(where: str = "inside", code: str = "", *, train: float = 1.0, held: float = 2.0, **more: Any) -> Any:
+        rms = {"train": {"rms": train}, "holdout": {"rms": held}, f"holdout_{where}": {"rms": held}}
         flags = [SimpleNamespace(code=code)]
         recording = SimpleNamespace(noise=np.ones(1), noise_estimated=False, flags=flags)
-        told = {"errors": {"unit": "m", "noise_floor": 1.0, "after": rms}, "complete": True, "impossible": True}
+        plain = {"errors": {"unit": "m", "noise_floor": 1.0, "after": rms}, "complete": True, "impossible": True}
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
-        result: Any = SimpleNamespace(after=after, added=(), model_error=error, _left=lambda: left, **{**told, **more})
-        return [found.code for found in LoopResult.cautions.fget(result)]  # type: ignore[attr-defined]
+        result: Any = SimpleNamespace(after=after, added=(), model_error=error, **{**plain, **more})
+        result._left = lambda trained=False: left
+        return LoopResult.cautions.fget(result)  # type: ignore[attr-defined]
+
+    def codes(*args: Any, **more: Any) -> list[str]:
+        return [found.code for found in told(*args, **more)]
 
     assert codes() == ["scattered"]
     assert codes(code=UNDERSTATED) == codes(complete=False) == []
     assert codes("outside", impossible=False) == ["missed"]
+    assert codes(held=1.0) == []
+    (disturbed,) = told(train=4.0, held=1.0)
+    assert caution_sentence(disturbed.summary()).startswith("training readings lie 4 m (rms) from the model, 4 times")

@@ -405,6 +405,9 @@ def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, fits: sta
     for k, axis in enumerate("xy"):
         np.testing.assert_allclose(table[f"tip_{axis}_after_m"], value[:, k], rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(table[f"tip_{axis}_after_sd_m"], sd[:, k], rtol=1e-7, atol=1e-9)
+    late = replace(wanted, rig=wanted.rig.counted_from(1000.0))
+    save_prediction(tmp_path / "late.csv", late, before, after)
+    np.testing.assert_allclose(pd.read_csv(tmp_path / "late.csv")["time_s"], wanted.recording.time + 1000.0)
     save_prediction(tmp_path / "moved.csv", wanted, before, after, (0.2, -0.1))
     moved = pd.read_csv(tmp_path / "moved.csv")
     angle = np.arctan2(moved["tip_y_after_m"][0], moved["tip_x_after_m"][0])

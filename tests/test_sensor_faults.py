@@ -324,7 +324,7 @@ JITTERED = REGULAR + np.random.default_rng(3).uniform(-3e-3, 3e-3, 1000)
     ],
 )
 def test_notes_on_times(time, words):
-    text = " ".join(map(str, time_flags(time, assumed=False)))
+    text = " ".join(map(str, time_flags(time, TimeColumn())))
     assert bool(text) == bool(words)
     for word in words:
         assert word in text
@@ -332,7 +332,7 @@ def test_notes_on_times(time, words):
 
 def test_a_reading_a_second_is_noted_and_no_doubt():
     for step, severity in ((1.0, "note"), (1e-7, "doubt")):
-        (flag,) = time_flags(step * np.arange(1000), assumed=False)
+        (flag,) = time_flags(step * np.arange(1000), TimeColumn())
         assert flag.severity == severity
 
 
@@ -443,4 +443,4 @@ def test_a_tip_that_does_not_point_where_the_motor_does_is_told(change, words):
 
 
 def test_an_assumed_rate_is_said():
-    assert "per sample" in str(time_flags(REGULAR, assumed=True)[0])
+    assert "per sample" in str(time_flags(REGULAR, TimeColumn(assumed=True))[0])

@@ -60,7 +60,8 @@ class Caution:
     #: `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like noise `ratio` and
     #: `autocorrelation`; of what is not carried by how many times the error falls in training (`train`) and held out
     #: (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise is `estimated`, the
-    #: `memory` of the errors (see `estimation.residual.memory`) and whether it counts as none (`white`).
+    #: `memory` of the errors (see `estimation.residual.memory`), whether it counts as none (`white`), and whether they
+    #: are those of training (`trained`).
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
@@ -190,12 +191,14 @@ def not_carried(errors: Mapping[str, Any]) -> Caution | None:
     return Caution("not_carried", numbers={"train": train, "held": held})
 
 
-def scattered(errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatArray]]) -> Caution | None:
-    """Return that held-out readings lie farther off than their noise; None where they do not.
+def scattered(
+    errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatArray]], *, trained: bool = False
+) -> Caution | None:
+    """Return that held-out readings, or those of training, lie farther off than their noise; None where they do not.
 
-    `left` holds what the final model leaves of each recording that judges, shape (n, c): NaN where it does not count.
+    `left` holds what the final model leaves of each such recording, shape (n, c): NaN where it does not count.
     """
-    rms = judged_rms(errors)
+    rms = errors["after"]["train"]["rms"] if trained else judged_rms(errors)
     # The error is a distance over all channels, and recordings may differ in their noise.
     floor = max((float(np.linalg.norm(recording.noise)) for recording, _ in left), default=math.inf)
     if not SCATTERED * floor < rms < math.inf:
@@ -203,7 +206,8 @@ def scattered(errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatAr
     length = float(np.mean([memory(c[np.isfinite(c)]) for _, part in left for c in part.T]))
     numbers = {"rms": rms, "unit": errors["unit"], "ratio": rms / floor, "noise": floor, "memory": length}
     estimated = any(recording.noise_estimated for recording, _ in left)
-    return Caution("scattered", numbers={**numbers, "estimated": estimated, "white": length < _WHITE})
+    told = {"estimated": estimated, "white": length < _WHITE, "trained": trained}
+    return Caution("scattered", numbers={**numbers, **told})
 
 
 @dataclass(frozen=True)

@@ -144,10 +144,10 @@ def load_dataset(
         raise InputError(
             f"{rig_path}: there is nothing to fit. Give --train FILE, or a train list under [records] in the rig file."
         )
-    read = {
-        role: [taken for part in listed for taken in own_parts(part, rig, lambda its: _read(its, rig))]
-        for role, listed in parts.items()
-    }
+    read = _taken(rig, parts)
+    if zero := _clock_zero([recording for listed in read.values() for _, recording in listed]):
+        rig = rig.counted_from(zero)
+        read = _taken(rig, parts)
     parts = {role: [part for part, _ in listed] for role, listed in read.items()}
     found = {role: [recording for _, recording in listed] for role, listed in read.items()}
     _refuse_twins(found)
@@ -163,6 +163,23 @@ def load_dataset(
     )
     refuse_unusable(dataset.with_test)
     return dataset
+
+
+def _taken(rig: Rig, parts: dict[str, list[RecordPart]]) -> dict[str, list[tuple[RecordPart, Recording]]]:
+    """Return the recordings of each role, with the part of a file that each is."""
+    return {
+        role: [taken for part in listed for taken in own_parts(part, rig, lambda its: _read(its, rig))]
+        for role, listed in parts.items()
+    }
+
+
+def _clock_zero(recordings: Sequence[Recording]) -> float:
+    """Return the first time of recordings where the zero of their clock is farther than they last, otherwise zero [s].
+
+    A drift counts from zero: that far from it, it would be an offset, too.
+    """
+    first, last = min(r.time[0] for r in recordings), max(r.time[-1] for r in recordings)
+    return float(first) if abs(first) > last - first else 0.0
 
 
 def _fitted(recording: Recording, rig: Rig, *, alone: bool) -> Experiment:

@@ -66,7 +66,7 @@ class Signals:
             names,
             units=units,
             channels=channels or (ARM_OUTPUTS[0] if arm else ("output",)),
-            time=values["time"] if "time" in values else _counted(rig, len(next(iter(table.columns.values())))),
+            time=_times(values.get("time"), rig, len(next(iter(table.columns.values())))),
             inputs=values.get("motor_angle" if arm else "input"),
             outputs={channel: values[channel] for channel in channels},
             source=str(table.path) + _part(samples, where),
@@ -105,7 +105,10 @@ def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
     return values * si_factor(unit)
 
 
-def _counted(rig: Rig, size: int) -> FloatArray:
+def _times(stamps: FloatArray | None, rig: Rig, size: int) -> FloatArray:
+    """Return the times of rows: their stamps, or so many at the rate of a file that has none."""
+    if stamps is not None:
+        return stamps - rig.columns.time.zero
     rate = rig.columns.time.rate
     assert rate is not None  # read_rig demands a rate or a column
     return np.arange(size) * rig.columns.every / rate

@@ -27,6 +27,10 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "note",
         "The sampling rate is not known: times count samples, and rates and frequencies are per sample.",
     ),
+    "clock_far": (
+        "note",
+        "The zero of its clock is far from the recordings: times are counted from their first reading, {zero:.10g} s.",
+    ),
     "encoding_guessed": (
         "note",
         "The file is not UTF-8: its text is read as {encoding}. Numbers do not depend on it; where a name or a unit "

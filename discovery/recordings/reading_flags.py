@@ -12,6 +12,7 @@ from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.reading_noise import quantum
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
+from discovery.rigs.rig import TimeColumn
 
 _JITTER = 0.05  # of a step
 _RARE, _MOST = 0.1, 0.9  # share of the steps
@@ -28,13 +29,13 @@ _SINE = 0.12  # of the standard deviation, what a sine may leave of a part of a 
 _ENOUGH = 300  # samples of a part of a swing
 
 
-def time_flags(time: FloatArray, assumed: bool) -> list[Flag]:
-    """Tell what is unusual about sample times [s], strictly increasing; `assumed` says that the rate is not known."""
-    if assumed:
+def time_flags(time: FloatArray, column: TimeColumn) -> list[Flag]:
+    """Tell what is unusual about sample times [s], strictly increasing, of a column."""
+    if column.assumed:
         return [Flag("rate_unknown")]
     steps = np.diff(time)
     step = median_step(time)
-    flags = []
+    flags = [Flag("clock_far", numbers={"zero": column.zero})] if column.zero else []
     missed = gaps(time)
     regular = np.abs(steps[~missed] - step) < _JITTER * step
     # Many rows are lost, too, where every step is a whole number of steps of one clock.

@@ -152,7 +152,7 @@ def read_recording(
     checked = [*on_its_clock(rig, found), *_checked(rig, found)]
     guessed = found.table.guessed
     flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
-    flags += [*time_flags(found.time, rig.columns.time.assumed), *checked]
+    flags += [*time_flags(found.time, rig.columns.time), *checked]
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, bands, more = _cleaned(rig, found, stated)

@@ -63,11 +63,11 @@ def _times(fall: float) -> str:
 
 def _scattered(found: Record) -> str:
     numbers = found["numbers"]
-    source = "estimated" if numbers["estimated"] else "stated"
+    which, source = "training" if numbers.get("trained") else "held-out", "estimated " if numbers["estimated"] else ""
     rms, noise = (quoted(numbers[k], numbers["unit"]) for k in ("rms", "noise"))
     head = (
-        f"held-out readings lie {rms} (rms) from the model, {figures(numbers['ratio'], 2)} times their {source} noise "
-        f"of {noise}"
+        f"{which} readings lie {rms} (rms) from the model, {figures(numbers['ratio'], 2)} times their {source}noise of "
+        f"{noise}"
     )
     if not numbers["white"]:
         return (
@@ -76,12 +76,12 @@ def _scattered(found: Record) -> str:
         )
     if numbers["estimated"]:
         return (
-            f"{head}, and what is left is white: that noise was estimated too low. Intervals are as wide as what is "
-            "left asks for; state the noise of a reading in the rig file"
+            f"{head}, and what is left is white: that noise was estimated too low, or is larger for a while. Intervals "
+            "are as wide as what is left asks for; state the noise of a reading in the rig file"
         )
     return (
-        f"{head}, though averages of what is left are noise: are the time stamps off, are there spikes, or is the "
-        "noise larger?"
+        f"{head}, though averages of what is left are noise: are the time stamps off, are there spikes, was it "
+        "disturbed for a while, or is the noise larger?"
     )
 
 

@@ -41,7 +41,7 @@ class TimeColumn:
     """Where the time comes from: a column of the file, or a sampling rate [Hz] where the file has none.
 
     ``assumed`` says that nobody knows the rate: times and rates are then per sample, not per second. ``jitter`` is the
-    standard deviation of the error of a stamp [s], None where it is not known.
+    standard deviation of the error of a stamp [s], None where it is not known. Times are counted from ``zero`` [s].
     """
 
     name: str | None = "time"
@@ -49,6 +49,7 @@ class TimeColumn:
     rate: float | None = None
     assumed: bool = False
     jitter: float | None = None
+    zero: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -224,6 +225,10 @@ class Rig:
         """Return the same rig without the noise that it states: that of each reading is estimated then."""
         columns = replace(self.columns, output=replace(self.columns.output, noise=None))
         return replace(self, columns=columns, position_noise=None)
+
+    def counted_from(self, zero: float) -> Rig:
+        """Return the same rig with times counted from a moment of the recordings' clock [s]."""
+        return replace(self, columns=replace(self.columns, time=replace(self.columns.time, zero=zero)))
 
     @property
     def traits(self) -> Kind:

@@ -105,7 +105,7 @@ def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tu
     """
     import pandas as pd
 
-    columns: dict[str, FloatArray] = {"time_s": experiment.recording.time}
+    columns: dict[str, FloatArray] = {"time_s": experiment.recording.time + experiment.rig.columns.time.zero}
     spreads: dict[str, FloatArray] = {}
     arm = experiment.system.has_rod
     final, why = predict(after, experiment, initial), ""

@@ -169,18 +169,19 @@ class LoopResult(LoopViews):
         judging = self._left()
         understated = any(flag.code == UNDERSTATED for recording, _ in judging for flag in recording.flags)
         if self.complete and found[0] is None and not understated:
-            found.append(scattered(self.errors, judging))
+            training = self._left(trained=True)
+            found.append(scattered(self.errors, judging) or scattered(self.errors, training, trained=True))
         return [*at_edges(self.after, self.added), *(c for c in found if c is not None)]
 
-    def _left(self) -> list[tuple[Recording, FloatArray]]:
-        """Return the recordings that judge, and what the final model leaves of each: NaN where it was fitted."""
+    def _left(self, *, trained: bool = False) -> list[tuple[Recording, FloatArray]]:
+        """Return the recordings that judge, or were fitted, and what the final model leaves: NaN in the other part."""
         pairs = [(r, p - r.output) for r, p in zip(self.recordings, self.predictions["after"], strict=True)]
         fitted = self.after.problem.bench.experiments
-        if separate := pairs[len(fitted) :]:
+        if (separate := pairs[len(fitted) :]) and not trained:
             return separate
-        for e, (_, left) in zip(fitted, pairs, strict=True):
-            left[: e.fitted_samples or 0] = np.nan
-        return pairs
+        for e, (_, left) in zip(fitted, pairs, strict=False):
+            left[slice(e.fitted_samples or len(left), None) if trained else slice(e.fitted_samples or 0)] = np.nan
+        return pairs[: len(fitted)]
 
     def foresight(self) -> Fit:
         """Return the final model fitted to the training recordings to their end: once judged, it predicts others."""
