@@ -190,6 +190,8 @@ class Rig:
     ('flexible_arm', 1.0, 0.001)
     >>> rig.position_noise, rig.with_noise_estimated().position_noise
     (0.0003, None)
+    >>> rig.counted_from(1700.0).columns.time.zero  # s
+    1700.0
     """
 
     name: str
