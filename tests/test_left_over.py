@@ -166,7 +166,7 @@ def test_readings_that_scatter_are_told_as_what_they_look_like(
 ) -> None:
     rng = np.random.default_rng(3)
     # Of two channels with a noise of 1 each, the distance of a reading is root two.
-    recording: Any = SimpleNamespace(noise=np.ones(2), noise_estimated=estimated)
+    recording: Any = SimpleNamespace(noise=np.ones(2), noise_estimated=estimated, flags=())
     one = rng.standard_normal(COUNT) if steps is None else remembered(1.0, steps)
     errors = np.column_stack([one, rng.standard_normal(COUNT) if steps is None else one])
     errors[: COUNT // 2] = np.nan
@@ -191,7 +191,7 @@ def test_scatter_is_told_once() -> None:
         plain = {"errors": {"unit": "m", "noise_floor": 1.0, "after": rms}, "complete": True, "impossible": True}
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
         result: Any = SimpleNamespace(after=after, added=(), model_error=error, **{**plain, **more})
-        result._left = lambda trained=False: left
+        result._left = lambda *, trained: left
         return LoopResult.cautions.fget(result)  # type: ignore[attr-defined]
 
     def codes(*args: Any, **more: Any) -> list[str]:

@@ -18,6 +18,7 @@ from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
+from discovery.recordings.flags import UNDERSTATED
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
 from discovery.rigs.quantities import QUANTITIES
@@ -196,8 +197,11 @@ def scattered(
 ) -> Caution | None:
     """Return that held-out readings, or those of training, lie farther off than their noise; None where they do not.
 
-    `left` holds what the final model leaves of each such recording, shape (n, c): NaN where it does not count.
+    `left` holds what the final model leaves of each such recording, shape (n, c): NaN where it does not count. A stated
+    noise that is too small says the same of a recording.
     """
+    if any(flag.code == UNDERSTATED for recording, _ in left for flag in recording.flags):
+        return None
     rms = errors["after"]["train"]["rms"] if trained else judged_rms(errors)
     # The error is a distance over all channels, and recordings may differ in their noise.
     floor = max((float(np.linalg.norm(recording.noise)) for recording, _ in left), default=math.inf)

@@ -33,7 +33,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.estimate_text import figures
 from discovery.mechanics import upgrades
 from discovery.plots.loops import LoopViews
-from discovery.recordings.flags import UNDERSTATED, impossible
+from discovery.recordings.flags import impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
@@ -165,22 +165,21 @@ class LoopResult(LoopViews):
             sizes = {"left": error.after, "held": error.held, "noise": noise}
             alike = like_noise(self.residual_after, error.depends_on, self.errors, **sizes)
             found.append(burst(self.after) or alike)
-        # A model error is said, and so is a hold-out that is missed; a stated noise that is too small says the same.
-        judging = self._left()
-        understated = any(flag.code == UNDERSTATED for recording, _ in judging for flag in recording.flags)
-        if self.complete and found[0] is None and not understated:
-            training = self._left(trained=True)
-            found.append(scattered(self.errors, judging) or scattered(self.errors, training, trained=True))
+        # A model error is said, and so is a hold-out that is missed.
+        if self.complete and found[0] is None:
+            told = (scattered(self.errors, self._left(trained=t), trained=t) for t in (False, True))
+            found.append(next((c for c in told if c is not None), None))
         return [*at_edges(self.after, self.added), *(c for c in found if c is not None)]
 
-    def _left(self, *, trained: bool = False) -> list[tuple[Recording, FloatArray]]:
+    def _left(self, *, trained: bool) -> list[tuple[Recording, FloatArray]]:
         """Return the recordings that judge, or were fitted, and what the final model leaves: NaN in the other part."""
         pairs = [(r, p - r.output) for r, p in zip(self.recordings, self.predictions["after"], strict=True)]
         fitted = self.after.problem.bench.experiments
         if (separate := pairs[len(fitted) :]) and not trained:
             return separate
         for e, (_, left) in zip(fitted, pairs, strict=False):
-            left[slice(e.fitted_samples or len(left), None) if trained else slice(e.fitted_samples or 0)] = np.nan
+            if e.fitted_samples is not None:
+                left[slice(e.fitted_samples, None) if trained else slice(e.fitted_samples)] = np.nan
         return pairs[: len(fitted)]
 
     def foresight(self) -> Fit:
