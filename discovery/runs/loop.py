@@ -40,8 +40,6 @@ from discovery.selection.settings import LoopSettings
 from discovery.selection.verdict import Named, is_complete, least_error, named, strongest_lead, verdict_of
 from discovery.simulation.simulate import THREADS
 
-__all__ = ["UPGRADES", "close_loop"]
-
 #: The exact arm on which effects are searched.
 _EXACT = UPGRADES[-1][0]
 #: A trajectory error below so many noise sds at every sample is none to the search.

@@ -32,8 +32,6 @@ from discovery.signals.penalised_spline import (
     upper_band,
 )
 
-__all__ = ["FloatArray", "Smoother", "Trajectory", "smooth"]
-
 #: Orders of the penalised derivative to choose from.
 _ORDERS = (3, 4)
 
