@@ -82,6 +82,9 @@ def drafted(path: Path, **more: object) -> dict:
         ("Winkel Grad", "motion", "deg"),
         ("Winkel (Grad)", "motion", "deg"),
         ("Spannung [V]", "cause", "V"),
+        ("volts", "cause", None),
+        ("shaft [rev/min]", "speed", "rpm"),
+        ("load_Nm", "cause", "N m"),
         ("channel 3", "", None),
     ],
 )

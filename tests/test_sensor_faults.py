@@ -317,10 +317,10 @@ JITTERED = REGULAR + np.random.default_rng(3).uniform(-3e-3, 3e-3, 1000)
         (np.delete(REGULAR, [100, 101, 102, 700]), ["4 samples are missing in 2 gaps", "longest lasts 0.04 s"]),
         (REGULAR[np.random.default_rng(4).random(1000) > 0.15], ["samples are missing in 1", "gaps of the times"]),
         (np.delete(REGULAR, 100), ["1 sample is missing in 1 gap of the times"]),
-        (JITTERED, ["stamps jitter", "taken as they are"]),
+        (JITTERED, ["stamps are uneven", "taken as they are"]),
         (np.sort(np.concatenate([REGULAR[::5] + k * 1e-4 for k in range(5)])), ["come in bursts"]),
-        (1e3 * REGULAR, ["10 s apart", "milliseconds"]),
-        (1e-5 * REGULAR, ["1e-07 s apart", "too short by a thousand"]),
+        (1e3 * REGULAR, ["10 s apart by their unit, s:", "correct the unit"]),
+        (1e-5 * REGULAR, ["1e-07 s apart by their unit, s:", "Correct the unit"]),
     ],
 )
 def test_notes_on_times(time, words):

@@ -11,15 +11,12 @@ from collections.abc import Iterable
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeVar
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     import pint
 
 # Coherent SI units in base dimensions; the radian, a ratio of lengths, has none (SI brochure, 9th ed., table 4).
@@ -46,10 +43,33 @@ _COHERENT: dict[str, dict[str, int]] = {
     "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
 }
+#: What users write and pint has no name for, or takes for another unit (giga-radians, a pixel of print).
+_SPELLED = {
+    "°": "deg",
+    "Grad": "deg",
+    "degrees": "deg",
+    "degree": "deg",
+    "radians": "rad",
+    "sec": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "usec": "us",
+    "px": "pixel",
+    "Nm": "N m",
+    "mNm": "mN m",
+    "kNm": "kN m",
+    "volt": "V",
+    "volts": "V",
+    **dict.fromkeys(("RPM", "U/min", "r/min", "rev/min", "revolution/min"), "rpm"),
+    "rev": "revolution",
+    "dps": "deg/s",
+    **dict.fromkeys(("kmh", "kph", "kmph", "Kmh", "KMH", "KPH"), "km/h"),
+    **dict.fromkeys(("mph", "MPH"), "mile/h"),
+}
+_SPELLING = re.compile(r"(?<!\w)(?:" + "|".join(sorted(_SPELLED, key=len, reverse=True)) + r")(?!\w)")
 _TOKEN = re.compile(
     r"\s*(?:(?P<slash>/)|(?P<symbol>[A-Za-z]+|1)(?:\^(?:(?P<power>-?\d+)|\((?P<fraction>-?\d+(?:/\d+)?)\)))?(?=[\s/]|\Z))"
 )
-_Value = TypeVar("_Value", float, "npt.NDArray[np.float64]")
 
 
 @lru_cache(maxsize=1024)
@@ -92,7 +112,7 @@ def dimension(unit: str) -> dict[str, Fraction]:
     Raises
     ------
     InputError
-        If a factor is not a coherent SI unit (``mm``, ``deg``: convert with `to_si` first).
+        If a factor is not a coherent SI unit (``mm``, ``deg``: convert with `si_factor` first).
 
     Examples
     --------
@@ -125,7 +145,18 @@ def homogeneous(first: str, second: str) -> bool:
 def _registry() -> pint.UnitRegistry:
     import pint
 
-    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, preprocessors=[standard_unit])
+
+
+def standard_unit(text: str) -> str:
+    """Write a unit as unit libraries do: abbreviations and other languages are spelled out.
+
+    Examples
+    --------
+    >>> standard_unit("Nm"), standard_unit("rev/min"), standard_unit("mNm/RPM")
+    ('N m', 'rpm', '(mN m)/(rpm)')
+    """
+    return _SPELLING.sub(lambda m: _SPELLED[m[0]] if m[0] == text else f"({_SPELLED[m[0]]})", text)
 
 
 @lru_cache(maxsize=256)
@@ -162,18 +193,6 @@ def si_factor(unit: str, expected: str | None = None) -> float:
             f"Write a unit like {like}."
         )
     return factor
-
-
-def to_si(value: _Value, unit: str, expected: str | None = None) -> _Value:
-    """Convert a number or an array to SI; arguments and errors as in `si_factor`.
-
-    Examples
-    --------
-    >>> to_si(250.0, "mm", "m")
-    0.25
-    """
-    factor = si_factor(unit, expected)
-    return value if factor == 1.0 else value * factor
 
 
 def quoted(value: float, unit: str, digits: int = 3) -> str:

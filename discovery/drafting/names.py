@@ -5,34 +5,9 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from discovery.declarations.units import si_factor, si_symbol
+from discovery.declarations.units import si_factor, si_symbol, standard_unit
 from discovery.foundation.errors import InputError
 
-#: Words for which unit libraries have no name, or another meaning.
-_SPELLED = {
-    "°": "deg",
-    "Grad": "deg",
-    "degrees": "deg",
-    "degree": "deg",
-    "radians": "rad",
-    "sec": "s",
-    "seconds": "s",
-    "msec": "ms",
-    "usec": "us",
-    "px": "pixel",
-    "Nm": "N m",
-    "mNm": "mN m",
-    "volt": "V",
-    "volts": "V",
-    "RPM": "rpm",
-    "U/min": "rpm",
-    "r/min": "rpm",
-    "1/min": "rpm",
-    "rev": "revolution",
-    "dps": "deg/s",
-    **dict.fromkeys(("kmh", "kph", "kmph", "Kmh", "KMH", "KPH"), "km/h"),
-    **dict.fromkeys(("mph", "MPH"), "mile/h"),
-}
 #: What may stand behind an underscore or a blank without brackets: other letters there are part of the name.
 _BARE = {
     *("s", "ms", "us", "min", "m", "mm", "cm", "um", "km", "deg", "rad", "mrad", "V", "mV", "A", "mA"),
@@ -44,7 +19,7 @@ _RATE = re.compile(r"(?P<of>[^\W\d_]+)_(?:per_)?(?P<per>s|sec|seconds?|min|h)(?:
 _BRACKETS = re.compile(r"(?P<stem>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|/\s*(?P<slash>\S+))\s*$")
 _TIMES = {"t", "time", "times", "timestamp", "zeit", "temps", "elapsed", "seconds", "clock"}
 _CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "current", "i", "input", "command", "cmd"}
-_CAUSES |= {"excitation", "drive", "pwm", "duty", "thrust", "load", "kraft", "spannung", "strom"}
+_CAUSES |= {"excitation", "drive", "pwm", "duty", "thrust", "load", "kraft", "spannung", "strom", "volts", "amps"}
 _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support", "road", "ground", "floor"}
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
 _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "position", "pos", "output", "y", "x", "z"}
@@ -126,15 +101,15 @@ def _bare(suffix: str) -> str | None:
     rate = _RATE.fullmatch(suffix)
     if rate and rate["of"] in _MOVING:
         per = {"sec": "s", "second": "s", "seconds": "s"}.get(rate["per"], rate["per"])
-        unit = f"{_SPELLED.get(rate['of'], rate['of'])}/{per}" + ("^2" if rate["power"] == "2" else "")
-        return "rpm" if unit == "revolution/min" else unit
+        unit = f"{standard_unit(rate['of'])}/{per}" + ("^2" if rate["power"] == "2" else "")
+        return standard_unit(unit)
     of, _, per = suffix.partition("_per_")
-    of = _SPELLED.get(of, of).replace("_", " ")
+    of = standard_unit(of).replace("_", " ")
     return _known(f"{of}/({per.replace('_', ' ')})") if per and of in _BARE else None
 
 
 def _known(text: str) -> str | None:
-    unit = _SPELLED.get(text.strip(), text.strip())
+    unit = "rpm" if text.strip() == "1/min" else standard_unit(text.strip())  # no shaft is told by its frequency
     try:
         si_factor(unit)
     except InputError:

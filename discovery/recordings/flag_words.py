@@ -82,13 +82,13 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "times_long": (
         "note",
-        "The samples are {step:.4g} s apart. If the times are in milliseconds, they are too long by a thousand: "
-        "correct the unit or the rate in the rig file.",
+        "The samples are {step:.4g} s apart{by}: a motion is rarely read so seldom. If it was read more often, correct "
+        "the unit or the rate in the rig file.",
     ),
     "times_short": (
         "doubt",
-        "The samples are {step:.4g} s apart. If the times are in seconds, they are too short by a thousand: correct "
-        "the unit or the rate in the rig file.",
+        "The samples are {step:.4g} s apart{by}: no motion is read so often. Correct the unit or the rate in the rig "
+        "file.",
     ),
     MISREAD: ("doubt", lambda n: _misread(n)),
     "cells_empty": (

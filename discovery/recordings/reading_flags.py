@@ -46,12 +46,13 @@ def time_flags(time: FloatArray, column: TimeColumn) -> list[Flag]:
         sizes = {"missing": missing, "gaps": int(missed.sum()), "longest": float(steps.max())}
         flags.append(Flag("samples_missing", numbers=sizes))
     elif np.quantile(np.abs(steps - step), 0.95) > _JITTER * step:
-        kind = "come in bursts" if steps.mean() > _BURSTS * step else "jitter"
+        kind = "come in bursts" if steps.mean() > _BURSTS * step else "are uneven"
         between = {"shortest": float(steps.min()), "longest": float(steps.max())}
         flags.append(Flag("times_irregular", numbers={"kind": kind, **between}))
     if not _FAST < step < _SLOW:
         # A log of a reading a second is usual; nothing mechanical is read every nanosecond.
-        flags.append(Flag("times_long" if step >= _SLOW else "times_short", numbers={"step": step}))
+        by = f" by their unit, {column.unit}" if column.rate is None else ""
+        flags.append(Flag("times_long" if step >= _SLOW else "times_short", numbers={"step": step, "by": by}))
     return flags
 
 
