@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discovery.recordings.reading_noise import lasting_rounding, quantum
+from discovery.recordings.rounding import lasting_rounding, quantum, resolution
 
 STEP, TIME = 0.5, np.arange(4000) * 0.01
 ROUNDING = STEP / np.sqrt(12.0)
@@ -22,7 +22,7 @@ def test_it_is_what_neighbouring_errors_share(speed: float) -> None:
     true, read = 4000 * speed * np.sin(TIME / 20.0), rounded(speed)
     error = read - true
     shared = np.mean(error[1:] * error[:-1]) / np.mean(error**2)
-    found = lasting_rounding(read, float(ROUNDING)) / ROUNDING
+    found = lasting_rounding(read, float(ROUNDING), STEP) / ROUNDING
     assert 0.0 <= found <= 1.0
     # Errors that hardly share anything count for little, those that last for almost all.
     assert found**2 == pytest.approx(max(shared, 0.0), abs=0.25)
@@ -30,11 +30,22 @@ def test_it_is_what_neighbouring_errors_share(speed: float) -> None:
 
 def test_noise_of_several_steps_makes_rounding_random_and_no_step_none() -> None:
     slow = rounded(0.004)
-    assert lasting_rounding(slow, float(ROUNDING)) > 0.9 * ROUNDING
-    assert lasting_rounding(slow, 3 * float(ROUNDING)) == 0.0
-    assert lasting_rounding(np.random.default_rng(0).standard_normal(500), 1.0) == 0.0
+    assert lasting_rounding(slow, float(ROUNDING), STEP) > 0.9 * ROUNDING
+    assert lasting_rounding(slow, 3 * float(ROUNDING), STEP) == 0.0
+    assert lasting_rounding(np.random.default_rng(0).standard_normal(500), 1.0, 0.0) == 0.0
 
 
 def test_the_step_of_two_readings_is_their_difference() -> None:
     assert quantum(np.array([0.7, 0.7, np.nan, 1.2, 0.7])) == pytest.approx(0.5)
     assert quantum(np.array([0.7, 0.7, np.nan])) == 0.0
+
+
+def test_readings_that_are_stamped_where_a_mark_passes_are_not_rounded():
+    marks = STEP * np.arange(60)
+    passed = np.log1p(marks / 40.0)  # of a wheel that drag slows down
+    assert quantum(marks, passed) == 0.0
+    assert resolution(marks, passed) < 1e-12
+    assert quantum(marks) == pytest.approx(STEP)  # where nothing is known of the times
+    assert quantum(marks, 0.01 * np.arange(60)) == pytest.approx(STEP)  # a steady turn that is read at a rate
+    shaken = TIME[:400] + np.random.default_rng(0).uniform(-2e-3, 2e-3, 400)
+    assert quantum(STEP * np.round(40.0 * np.sin(shaken) / STEP), shaken) == pytest.approx(STEP)

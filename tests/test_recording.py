@@ -16,8 +16,9 @@ from scipy.io import savemat
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write, read_table
-from discovery.recordings.reading_noise import estimate_noise, resolution
+from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording import read_recording
+from discovery.recordings.rounding import resolution
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 ARM = Rig("arm", length=Quantity(1.0, 1e-3), position_noise=3e-4, angle_noise=7e-5)

@@ -15,8 +15,9 @@ from scipy.integrate import solve_ivp
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, doubted, misstated
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
-from discovery.recordings.reading_noise import noise_flags, quantum, resolution
+from discovery.recordings.reading_noise import noise_flags
 from discovery.recordings.recording import read_recording
+from discovery.recordings.rounding import quantum, resolution
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 

@@ -21,7 +21,8 @@ from discovery.foundation.arguments import as_path, as_paths, check_names, check
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
 from discovery.recordings.file_signals import ARM_STEMS
-from discovery.recordings.reading_noise import estimate_noise, quantum, resolution
+from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.rounding import quantum, resolution
 from discovery.rigs.kinds import KINDS
 
 #: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.
@@ -199,8 +200,8 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'
     yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{_range(found.output)}"
-    scatter, step = estimate_noise(found.output.values, time), quantum(found.output.values)
-    noise = max(scatter, resolution(found.output.values) if step > 0.0 else 0.0)
+    scatter, step = estimate_noise(found.output.values, time), quantum(found.output.values, time)
+    noise = max(scatter, resolution(found.output.values, time) if step > 0.0 else 0.0)
     shown = figures(noise, 2) if noise > 0.0 else "0.1"
     unit = "" if found.output.unit == "1" else f" {found.output.unit}"
     if noise > scatter:

@@ -8,6 +8,8 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 
 #: Stamps that only jitter are nearer than this, over the median step; where one sample is lost they are twice as far.
 _GAP = 1.5
+#: Of the median step, by which others may differ.
+_UNEVEN = 0.05
 
 
 def median_step(time: FloatArray) -> float:
@@ -26,3 +28,19 @@ def gaps(time: FloatArray, step: float | None = None) -> BoolArray:
     [False, False, True, False]
     """
     return np.asarray(np.diff(time) > _GAP * (median_step(time) if step is None else step))
+
+
+def are_uneven(time: FloatArray) -> bool:
+    """Return whether instants increase, and more than one step in twenty is not like the others.
+
+    Examples
+    --------
+    >>> are_uneven(np.array([0.0, 0.1, 0.25, 0.3]))
+    True
+    """
+    steps = np.diff(time)
+    return bool(
+        steps.size
+        and steps.min() > 0.0
+        and np.quantile(np.abs(steps - np.median(steps)), 0.95) > _UNEVEN * np.median(steps)
+    )

@@ -30,7 +30,6 @@ from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
 from discovery.posterior.noise.quantised import Quantised
 from discovery.posterior.noise.student_t import StudentT
 from discovery.posterior.predictive import degrees, errors, noise_factor, simulated
-from discovery.recordings.reading_noise import quantum
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -207,7 +206,7 @@ def replicated(
         shape = (*motion.shape[:2], next(iter(draws.values())).size)
         motion = np.broadcast_to(motion, shape)
         scale = np.broadcast_to(r.scatter[:, :, None] * noise_factor(posterior, r.channels, draws), shape)
-        half = np.broadcast_to(0.5 * np.array([quantum(column) for column in r.output.T])[:, None], shape)
+        half = np.broadcast_to(0.5 * r.steps[:, None], shape)
         again = motion + scale * errors(r.channels, draws, shape, rng)
         score = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, degrees(r.channels, draws))
         rows, columns = np.nonzero(seen)

@@ -10,8 +10,9 @@ import numpy as np
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import Flag
-from discovery.recordings.reading_noise import BandNoise, filled, lasting_rounding, spectrum
+from discovery.recordings.reading_noise import BandNoise, filled, spectrum
 from discovery.recordings.recording import Recording
+from discovery.recordings.rounding import lasting_rounding
 from discovery.rigs.rig import Rig
 
 #: A recording keeps at least so many readings: fewer would hardly make anything quicker.
@@ -127,8 +128,8 @@ def _bands(recording: Recording) -> Sequence[BandNoise | None]:
 
 def _alike(recording: Recording) -> FloatArray:
     """Return the part of each channel's noise that errs alike in neighbours."""
-    pairs = zip(recording.output.T, recording.noise.tolist(), strict=True)
-    return np.array([lasting_rounding(column, noise) for column, noise in pairs])
+    channels = zip(recording.output.T, recording.noise.tolist(), recording.steps.tolist(), strict=True)
+    return np.array([lasting_rounding(*channel) for channel in channels])
 
 
 def _noise(recording: Recording, same: FloatArray, length: int) -> FloatArray:

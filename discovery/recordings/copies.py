@@ -8,8 +8,9 @@ from scipy.signal import correlate, correlation_lags
 
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
-from discovery.recordings.reading_noise import quantum, white_noise
+from discovery.recordings.reading_noise import white_noise
 from discovery.recordings.recording import Recording
+from discovery.recordings.rounding import quantum
 
 #: Of the noise: what two signals with noises of their own never come down to.
 _NEAR = 0.3

@@ -10,7 +10,7 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
-from discovery.recordings.reading_noise import quantum
+from discovery.recordings.rounding import quantum
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import TimeColumn
 
@@ -166,7 +166,7 @@ def clean_output(
         With NaN for stuck and clipped readings; the same array where there are none.
     flags : list of Flag
     """
-    step = quantum(values)
+    step = quantum(values, time)
     rounding = step / np.sqrt(12.0)
     flags = []
 

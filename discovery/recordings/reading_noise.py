@@ -1,4 +1,4 @@
-"""The noise of readings: scatter from one to the next, rounding, and noise that a filter hides from neighbours."""
+"""The noise of readings: scatter from one to the next, and noise that a filter hides from neighbours."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import uniform_filter1d
 
 from discovery.foundation.arrays import FloatArray
-from discovery.foundation.sampling import gaps, median_step
+from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
+from discovery.recordings.rounding import resolution
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16
@@ -33,20 +33,10 @@ _MISSING = 0.02
 #: Of the largest weight of the window, where what a filter leaves is looked at.
 _INSIDE = 0.3
 
-_CANDIDATES = (0.05, 0.25, 0.5, 0.0)
-_TOLERANCE = 0.05
-_AGREEING = 0.98
-_NEAR_GAPS = 20.0
-_DISTINCT = 2  # distinct readings: of two, the difference is the step
-_TELLING = 0.1  # share of the differences that small multiples must be
-_NEIGHBOURS = 25  # readings over which the speed is seen
-_SHARED_STEPS = 0.21  # steps between readings whose errors are correlated
-
 _FEWEST_READINGS = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
-_JITTER = 0.05  # of a step
 
 
 @dataclass(frozen=True)
@@ -154,59 +144,6 @@ def spectrum(values: FloatArray) -> npt.NDArray[np.complex128]:
     return np.asarray(np.fft.rfft(window * (values - line)) / np.sqrt(np.sum(window**2)))
 
 
-def quantum(values: FloatArray) -> float:
-    """Give the step of an instrument whose readings are all multiples of one, in their unit; 0 where there is none.
-
-    The differences between neighbouring distinct readings of a quantised signal are small multiples of the step. Their
-    lower quantiles are tried as the step and refined on all of them; the step is believed if nearly all differences are
-    within a twentieth of a multiple. NaN are skipped.
-    """
-    finite = values[np.isfinite(values)]
-    distinct = np.unique(finite)
-    if distinct.size < _DISTINCT:
-        return 0.0
-    gaps = np.diff(distinct)
-    # Conversions of units leave twins of one reading that differ in the last bits.
-    gaps = gaps[gaps > 1e-9 * (distinct[-1] - distinct[0])]
-    for share in _CANDIDATES:
-        step = float(np.quantile(gaps, share, method="lower"))
-        near = gaps[gaps < _NEAR_GAPS * step]
-        step = float(near.sum() / np.round(near / step).sum())
-        multiple = gaps[gaps < _NEAR_GAPS * step] / step
-        told = multiple.size >= max(1.0, _TELLING * gaps.size)
-        if told and np.mean(np.abs(multiple - np.round(multiple)) < _TOLERANCE) >= _AGREEING:
-            return step
-    return 0.0
-
-
-def resolution(values: FloatArray) -> float:
-    """Give the standard deviation of rounding, the smallest error that readings can have.
-
-    It is the quantum over sqrt(12), or where there is none, the last bit's. NaN are skipped.
-    """
-    finite = values[np.isfinite(values)]
-    bit = float(np.spacing(np.max(np.abs(finite), initial=np.finfo(float).tiny)))
-    return max(quantum(values), bit) / float(np.sqrt(12.0))
-
-
-def lasting_rounding(values: FloatArray, noise: float) -> float:
-    """Give the part of a noise that errs alike in neighbouring readings: the rounding of a slow motion.
-
-    Noise far larger than a step makes its rounding as random as itself, and so does a motion by a fifth of a step or
-    more between readings. `noise` is the standard deviation of readings, that of rounding included, and so is what is
-    returned, in their unit; 0 where there is no step. NaN are skipped.
-    """
-    step = quantum(values)
-    rounding = step / float(np.sqrt(12.0))
-    if not noise < 2.0 * rounding:
-        return 0.0
-    apart = np.abs(np.diff(values[np.isfinite(values)])) / step
-    moved = uniform_filter1d(apart, _NEIGHBOURS)
-    # Errors of a motion by this part of a step are correlated so: they are those of a saw tooth.
-    shared = np.where(moved < _SHARED_STEPS, 1.0 - 6.0 * moved + 6.0 * moved**2, 0.0)
-    return min(rounding, noise) * float(np.sqrt(shared.mean()))
-
-
 def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
     """Estimate the standard deviation of white noise on a signal that is smooth from sample to sample, in its unit.
 
@@ -218,7 +155,7 @@ def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
     The estimate is 0 for a signal without noise, NaN with fewer than 18 samples.
     """
     estimates = _estimates(values)
-    if time is not None and _uneven(good := time[np.isfinite(values)]):
+    if time is not None and are_uneven(good := time[np.isfinite(values)]):
         estimates += _estimates_at(good, values[np.isfinite(values)])
     return min(estimates, default=float("nan"))
 
@@ -266,16 +203,6 @@ def _estimates_at(time: FloatArray, values: FloatArray) -> list[float]:
     return estimates
 
 
-def _uneven(time: FloatArray) -> bool:
-    """Say whether times increase, and more than one step in twenty is not like the others."""
-    steps = np.diff(time)
-    return bool(
-        steps.size
-        and steps.min() > 0.0
-        and np.quantile(np.abs(steps - np.median(steps)), 0.95) > _JITTER * np.median(steps)
-    )
-
-
 def noise_flags(
     label: str, unit: str, time: FloatArray, values: FloatArray, stated: float, band: BandNoise | None = None
 ) -> list[Flag]:
@@ -286,11 +213,12 @@ def noise_flags(
     """
     estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)
-    if np.isfinite(values).sum() < _FEWEST_READINGS or resolution(values) > _COARSE * scatter:
+    if np.isfinite(values).sum() < _FEWEST_READINGS or resolution(values, time) > _COARSE * scatter:
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []
-    settled = band is not None or (not _uneven(time[np.isfinite(values)]) and estimates[-1] >= _SETTLED * estimates[-2])
+    even = not are_uneven(time[np.isfinite(values)])
+    settled = band is not None or (even and estimates[-1] >= _SETTLED * estimates[-2])
     if scatter > stated and not settled:
         return []
     code = UNDERSTATED if scatter > stated else OVERSTATED

@@ -21,7 +21,8 @@ from discovery.recordings.flags import Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
-from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags, resolution
+from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
+from discovery.recordings.rounding import quantum, resolution
 from discovery.recordings.time_stamps import estimate_jitter, on_its_clock, scatter
 from discovery.recordings.unit_mistakes import check_units, near_hanging
 from discovery.rigs.rig import ForceView, Rig
@@ -95,6 +96,11 @@ class Recording(RecordingViews):
     def scatter(self) -> FloatArray:
         """Standard deviation of each reading, shape (n, c): its noise, and what the error of its stamp adds."""
         return scatter(self.time, self.output, self.noise, self.jitter)
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """Step to which each channel is rounded, shape (c,), in its unit; 0 where it is not."""
+        return np.array([quantum(column, self.time) for column in self.output.T])
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -215,7 +221,7 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
         band = band_noise(found.time, values, scatter, given) if rig.view is None else None
         seen = scatter if band is None else band.sd
         # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
-        noise.append(max(seen if known is None else known, resolution(values)))
+        noise.append(max(seen if known is None else known, resolution(values, found.time)))
         bands.append(band)
         if band is not None:
             flags.append(Flag("noise_alike", name, unit, {"scatter": scatter, **asdict(band)}))

@@ -10,8 +10,9 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
 from discovery.recordings.drive import Drive, spline_drive
 from discovery.recordings.profile_spline import Phase, fit_phases, likeliest_roughness
-from discovery.recordings.reading_noise import estimate_noise, resolution
+from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording import Recording
+from discovery.recordings.rounding import resolution
 from discovery.rigs.rig import Rig
 
 _UPSAMPLING = 8
@@ -88,7 +89,7 @@ def smooth_motion(t: FloatArray, y: FloatArray, noise: float) -> Drive:
     """
     if t.size < _FEWEST:
         return spline_drive(t, y)
-    noise = max(noise, resolution(y), _FINEST * float(np.ptp(y)))
+    noise = max(noise, resolution(y, t), _FINEST * float(np.ptp(y)))
     active = _active(t, y, noise)
     for _ in range(_ROUNDS):
         found = _phases(active)

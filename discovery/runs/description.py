@@ -11,7 +11,6 @@ from discovery.declarations.units import si_symbol
 from discovery.foundation.arrays import FloatArray
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
-from discovery.recordings.reading_noise import quantum
 from discovery.recordings.recording import Recording
 from discovery.rigs.quantities import QUANTITIES
 from discovery.rigs.rig import Rig
@@ -69,7 +68,7 @@ def _recording(role: str, e: Experiment) -> dict[str, Any]:
         "noise": e.recording.noise,
         "noise_estimated": e.recording.noise_estimated,
         "signal": _signal(e.recording.output),
-        "step": [quantum(column) for column in e.recording.output.T],
+        "step": e.recording.steps.tolist(),
         **flagged(e.recording),
     }
 

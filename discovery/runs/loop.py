@@ -26,7 +26,7 @@ from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
-from discovery.recordings.reading_noise import resolution
+from discovery.recordings.rounding import resolution
 from discovery.runs.declared_effects import in_its_units, sought
 from discovery.runs.follow_up import contradiction_of, separations
 from discovery.runs.loop_result import UPGRADES, LoopResult, ModelErrorReport
@@ -127,7 +127,7 @@ def _given(train: Recordings, holdout: Recordings | None) -> tuple[tuple[Experim
 
 def _rounding(train: Sequence[Experiment], holdout: Sequence[Experiment]) -> float:
     """Return the largest error of rounding of any channel [noise sds of training]."""
-    rounding = [[resolution(column) for column in e.recording.output.T] for e in (*train, *holdout)]
+    rounding = [[resolution(column, e.recording.time) for column in e.recording.output.T] for e in (*train, *holdout)]
     return float(np.max(np.max(rounding, axis=0) / np.min([e.recording.noise for e in train], axis=0)))
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.posterior.noise.model import Noise, seen_by
 from discovery.posterior.noise.tails import rounded
-from discovery.recordings.reading_noise import quantum
 
 if TYPE_CHECKING:
     from discovery.estimation.problem import Problem
@@ -39,10 +38,9 @@ class Quantised(Noise):
         cells = {}
         for i in part.experiments:
             recording = problem.bench.experiments[i].recording
-            steps = np.array([quantum(column) for column in recording.output.T])
-            if not steps.all():
+            if not recording.steps.all():
                 return None
-            cells[i] = seen_by(problem.bench.experiments[i]), 0.5 * steps / recording.noise
+            cells[i] = seen_by(problem.bench.experiments[i]), 0.5 * recording.steps / recording.noise
         return cls(part, (), cells)
 
     def log_likelihood(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:

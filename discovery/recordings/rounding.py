@@ -1,0 +1,83 @@
+"""Rounding of readings: the step of an instrument, and the errors that it makes."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from discovery.foundation.arrays import FloatArray
+from discovery.foundation.sampling import are_uneven
+
+_CANDIDATES = (0.05, 0.25, 0.5, 0.0)
+_TOLERANCE = 0.05
+_AGREEING = 0.98
+_NEAR_GAPS = 20.0
+_DISTINCT = 2  # distinct readings: of two, the difference is the step
+_TELLING = 0.1  # share of the differences that small multiples must be
+_NEIGHBOURS = 25  # readings over which the speed is seen
+_SHARED_STEPS = 0.21  # steps between readings whose errors are correlated
+_MARKS = 8  # steps that tell marks from readings at a rate
+
+
+def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
+    """Give the step to which an instrument rounds its readings, in their unit; 0 where it does not.
+
+    Those that follow each other by one step each, at uneven times (n,), are not rounded: they were stamped when a mark
+    passed, as before a light barrier, and are as good as the mark.
+
+    The differences between neighbouring distinct readings of a quantised signal are small multiples of the step. Their
+    lower quantiles are tried as the step and refined on all of them; the step is believed if nearly all differences are
+    within a twentieth of a multiple. NaN are skipped.
+    """
+    good = np.isfinite(values)
+    finite = values[good]
+    distinct = np.unique(finite)
+    if distinct.size < _DISTINCT or (time is not None and _are_marks(time[good], finite)):
+        return 0.0
+    gaps = np.diff(distinct)
+    # Conversions of units leave twins of one reading that differ in the last bits.
+    gaps = gaps[gaps > 1e-9 * (distinct[-1] - distinct[0])]
+    for share in _CANDIDATES:
+        step = float(np.quantile(gaps, share, method="lower"))
+        near = gaps[gaps < _NEAR_GAPS * step]
+        step = float(near.sum() / np.round(near / step).sum())
+        multiple = gaps[gaps < _NEAR_GAPS * step] / step
+        told = multiple.size >= max(1.0, _TELLING * gaps.size)
+        if told and np.mean(np.abs(multiple - np.round(multiple)) < _TOLERANCE) >= _AGREEING:
+            return step
+    return 0.0
+
+
+def _are_marks(time: FloatArray, values: FloatArray) -> bool:
+    """Return whether readings come one by one where a mark passes."""
+    steps = np.abs(np.diff(values))
+    if steps.size < _MARKS or not are_uneven(time):
+        return False
+    return bool(np.mean(np.abs(steps - np.median(steps)) < _TOLERANCE * np.median(steps)) >= _AGREEING)
+
+
+def resolution(values: FloatArray, time: FloatArray | None = None) -> float:
+    """Give the standard deviation of rounding, the smallest error that readings can have.
+
+    It is the `quantum` over sqrt(12), or where there is none, the last bit's. NaN are skipped.
+    """
+    finite = values[np.isfinite(values)]
+    bit = float(np.spacing(np.max(np.abs(finite), initial=np.finfo(float).tiny)))
+    return max(quantum(values, time), bit) / float(np.sqrt(12.0))
+
+
+def lasting_rounding(values: FloatArray, noise: float, step: float) -> float:
+    """Give the part of a noise that errs alike in neighbouring readings: the rounding of a slow motion.
+
+    Noise far larger than a step makes its rounding as random as itself, and so does a motion by a fifth of a step or
+    more between readings. `noise` is the standard deviation of readings, that of rounding to `step` included, and so
+    is what is returned, in their unit; 0 where there is no step. NaN are skipped.
+    """
+    rounding = step / float(np.sqrt(12.0))
+    if not noise < 2.0 * rounding:
+        return 0.0
+    apart = np.abs(np.diff(values[np.isfinite(values)])) / step
+    moved = uniform_filter1d(apart, _NEIGHBOURS)
+    # Errors of a motion by this part of a step are correlated so: they are those of a saw tooth.
+    shared = np.where(moved < _SHARED_STEPS, 1.0 - 6.0 * moved + 6.0 * moved**2, 0.0)
+    return min(rounding, noise) * float(np.sqrt(shared.mean()))
