@@ -55,6 +55,7 @@ class Program:
     rod: Rod = STRAIGHT  # the rod as the effects change it
     #: How fast states of memory forget at most [s^-1], of those that steps need not resolve.
     relaxation: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    begins: tuple[str, ...] = ()  # parameters that say where coordinates begin that are not read
 
     @cached_property
     def _form(self) -> Callable[..., tuple]:
@@ -68,7 +69,7 @@ class Program:
         """Parameters that change the motion; the others change what is read of it."""
         laws = [e for _, e in (*self.drive, *self.derivative)]
         used = sp.Tuple(*laws, *self.slopes, self.rod.deflection, self.rod.root).free_symbols
-        return frozenset(p for p in self.parameters if sp.Symbol(p, real=True) in used)
+        return frozenset(p for p in self.parameters if p in self.begins or sp.Symbol(p, real=True) in used)
 
     @cached_property
     def ageing(self) -> frozenset[str]:
@@ -77,10 +78,13 @@ class Program:
         return frozenset(p for p in self.parameters if sp.Symbol(p, real=True) in used) - self.moving
 
     def form(self, parameters: Sequence | NDArray) -> tuple:
-        """Return the deflection of the unloaded rod [q] and the turn of its root per curvature [-].
+        """Return what the start of the coordinates depends on beside what is read.
 
-        `parameters` each (k,): values in the order of `parameters`.
+        That is the deflection of the unloaded rod [q] and the turn of its root per curvature [-], or of a declared
+        system the values of `begins`. `parameters` each (k,): values in the order of `parameters`.
         """
+        if self.begins:
+            return tuple(parameters[self.parameters.index(p)] for p in self.begins)
         return (0, 0) if self.rod == STRAIGHT else self._form(parameters)
 
 
@@ -165,6 +169,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         lateness=sp.Add(*[e.lateness() for e in effects if isinstance(e, Sensor)]),
         rod=rod,
         relaxation=tuple(forgets.items()),
+        begins=tuple(p.name for p in base.parameters() if p.own),
     )
     _check_complete(result, base_name)
     return result

@@ -54,7 +54,7 @@ class Bench:
         ]
         self.names = self.simulators[0].names
         #: Parameters of which every experiment has its own value, in the rows of its start after deflection and rate.
-        self.own = own_parameters(self.effects, self.names)
+        self.own = own_parameters(self.base, self.effects, self.names)
         self._own_rows = [self.names.index(n) for n in self.own]
         self._weights = [np.ascontiguousarray(e.weights()) for e in self._parts]
         self._targets = [

@@ -23,7 +23,7 @@ _LOG_2PI = float(np.log(2 * np.pi))
 #: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
 _NOISE_SCALE, _ROUNDS = 0.1, 3
 #: A direction of which the readings tell less than this share of the best told one is left where it is.
-_BLIND = 1e-13
+_BLIND = 1e-10
 
 
 @dataclass(frozen=True)

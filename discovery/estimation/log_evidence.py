@@ -94,7 +94,7 @@ class Evidence:
     @classmethod
     def none(cls) -> Evidence:
         """Return the evidence of a motion that blows up."""
-        return cls(-np.inf, 0.0, 0.0, np.inf, np.inf, 1.0, 0.0, 0.0, np.empty(0), np.empty((0, 0)))
+        return cls(-np.inf, -np.inf, -np.inf, np.inf, np.inf, 1.0, 0.0, 0.0, np.empty(0), np.empty((0, 0)))
 
 
 @dataclass

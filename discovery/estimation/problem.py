@@ -192,6 +192,7 @@ class Problem:
         return [c[:, :, 0] for c in self.bench.predict(*self.expand(x[:, None]))]
 
     def prior_residuals(self, x: FloatArray) -> FloatArray:
-        """Return (value - mean)/sd of the parameters known within an uncertainty, shape (g, k)."""
+        """Return (value - mean)/sd of what is known within an uncertainty, shape (g, k)."""
         rows = [(x[self.free.index(n)] - m) / sd for n, (m, sd) in self.gaussian.items() if n in self.free]
+        rows += [x[i] / state.width for i, state in enumerate(self.states, len(self.free)) if state.believed]
         return np.array(rows).reshape(len(rows), x.shape[1])

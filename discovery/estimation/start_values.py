@@ -10,6 +10,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model, check_declared
 from discovery.foundation.arguments import check_names, check_number, check_pair, expect
 from discovery.foundation.start_names import start_name
+from discovery.mechanics import get_base
 from discovery.recordings.chosen import Recordings, check_model, training_of
 from discovery.recordings.experiment import Experiment
 
@@ -37,15 +38,17 @@ class StartValue:
     starts: tuple[float, ...] = field(default=(), kw_only=True)
     own_unit: str = field(default="", kw_only=True)  # SI unit of what is no state; empty for a state
     guess: float = field(default=0.0, kw_only=True)  # what its recording tells of it; zero where that tells nothing
+    believed: bool = field(default=False, kw_only=True)  # its prior keeps a fit from what no reading tells
 
     def unit(self, coordinate: str) -> str:
         """Return its SI unit where the coordinate has this one."""
         return self.own_unit or (coordinate, f"{coordinate} s^-1")[self.row]
 
 
-def own_parameters(effects: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
-    """Return the parameters of effects of which every recording has its own value, in the order of `names`."""
+def own_parameters(base: str, effects: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters of which every recording has its own value, in the order of `names`."""
     own = {p.name for p in (get_effect(e).own() for e in effects) if p is not None}
+    own |= {p.name for p in get_base(base).parameters() if p.own}
     return tuple(n for n in names if n in own)
 
 
@@ -60,20 +63,23 @@ def start_values(
     """
     q, time = units.coordinate, units.time
     sizes = (q, q / time)[: model.mechanics.starts]
+    begins = {p.name for p in model.mechanics.parameters() if p.own}
     found = []
     for i, e in enumerate(experiments):
         for row, (size, guess) in enumerate(zip(sizes, e.initial_state(time), strict=False)):
             # A spring that hardens or softens makes another swing of an acceleration than a linear one.
             starts = tuple(f * guess for f in _BENT) if e.reads_acceleration and guess else ()
             found.append(StartValue(e.initial_names[row], i, row, _KNOWN * size, size, guess=guess, starts=starts))
-        if e.recording.name == reference:
-            continue
         for row, parameter in enumerate((model.parameters.get(n) for n in own), 2):
-            if parameter is not None:
-                unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
-                starts = tuple(s * unit for s in parameter.starts)
-                width = parameter.prior.width * unit
-                found.append(StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=parameter.value_unit))
+            # What effects have counts from the reference, a coordinate's start from its rest.
+            if parameter is None or (e.recording.name == reference and parameter.name not in begins):
+                continue
+            unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
+            starts, width = tuple(s * unit for s in parameter.starts), parameter.prior.width * unit
+            value_unit, believed = parameter.value_unit, parameter.name in begins
+            found.append(
+                StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=value_unit, believed=believed)
+            )
     return tuple(found)
 
 
@@ -100,7 +106,7 @@ def check_start(
         return {}
     expect(start, Mapping, "start", 'Name the parameters, as in start={"alpha": 400.0}.')
     states = [name for e in experiments for name in e.initial_names]
-    own = own_parameters(model.effects, tuple(model.parameters))
+    own = own_parameters(model.base, model.effects, tuple(model.parameters))
     states += [start_name(n, e.recording.name) for e in experiments for n in own]
     check_names((n for n in start if n not in states), model.parameters, "The model", "parameter")
     return {name: check_number(value, f"start[{name!r}]") for name, value in start.items()}

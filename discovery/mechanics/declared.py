@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import ClassVar
 
@@ -18,6 +18,7 @@ from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.mechanics.base import Base, Channel, Mechanics, Place, Strand
 from discovery.mechanics.declared_equations import INPUT, Equations, coordinates_of
 from discovery.mechanics.rod import STRAIGHT
+from discovery.mechanics.unread import Unread, unread_coordinates
 
 #: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
 _FARTHEST = 1e4
@@ -35,8 +36,16 @@ class DeclaredBase(Base):
 
     @classmethod
     def parameters(cls):
-        """Return the constants of the declaration; their values are in SI units."""
-        return tuple(_parameter(name, constant) for name, constant in cls.declaration.constants.items())
+        """Return the constants of the declaration, in SI units, and where coordinates begin that are not read."""
+        constants = (_parameter(name, constant) for name, constant in cls.declaration.constants.items())
+        return (*constants, *(start for each in cls.unread() for start in each.starts))
+
+    @classmethod
+    @cache
+    def unread(cls) -> tuple[Unread, ...]:
+        """Return the coordinates whose start no reading tells."""
+        own = cls()
+        return unread_coordinates(cls.declaration.coordinates, own.gradient, own.shape, own.inertia, own.order)
 
     @cached_property
     def order(self) -> int:
@@ -202,7 +211,7 @@ class DeclaredBase(Base):
         push = sum(self._numbers(force.diff(a))[:, 0] * turn**k for k, a in enumerate(INPUT))
         push = push + self._numbers(force.diff(s.u))[:, 0]
         yields = np.linalg.pinv(stiffness + loss * turn + self.inertia * turn**2)
-        motion = yields @ push if np.any(push) else self._shape + 0j
+        motion = yields @ push if np.any(push) else self.shape + 0j
         read = sum(
             self._numbers(sp.Matrix([[sp.diff(self.equations.output, a) for a in own]]))[0] @ motion * turn**k
             for k, own in enumerate((q, rates, accelerations))
@@ -245,28 +254,40 @@ class DeclaredBase(Base):
         """Return coordinates and rates as a static force at the output would lead them, read as a deflection.
 
         Where rates are read the numbers are one and its slope: coordinates begin where what pulls them back, linear
-        and at the guesses, makes it alone. Where accelerations are, both are of the output's position.
+        and at the guesses, makes it alone. Where accelerations are, both are of the output's position. `form` holds
+        how far coordinates that are not read begin from there, and how fast, each (k,), one after the other.
         """
-        way, d, v = self._shape[:, None], np.asarray(deflection)[None], np.asarray(rate)[None]
+        way, d, v = self.shape[:, None], np.asarray(deflection)[None], np.asarray(rate)[None]
         if self.order == 1:
-            return way * v * (-1.0 / self._return if self._return else 0.0), way * d
-        return way * d, way * v
+            return self._beside(form, way * v * (-1.0 / self._return if self._return else 0.0), way * d)
+        return self._beside(form, way * d, way * v)
+
+    def _beside(self, form, q, rates):
+        """Return a start with the coordinates that are not read moved beside it."""
+        for each, moved, moving in zip(self.unread(), form[0::2], form[1::2], strict=False):
+            q, rates = q + each.way[:, None] * np.asarray(moved), rates + each.way[:, None] * np.asarray(moving)
+        return q, rates
 
     @cached_property
     def _return(self) -> float:
-        """Slope of what is read per displacement along `_shape` that ends it [s^-2]; zero where nothing pulls back."""
-        way, stiffness = self._shape, self.stiffness()
+        """Slope of what is read per displacement along `shape` that ends it [s^-2]; zero where nothing pulls back."""
+        way, stiffness = self.shape, self.stiffness()
         pull, most = way @ stiffness @ way, np.abs(way) @ np.abs(stiffness) @ np.abs(way)
         return float(pull / (way @ self.inertia @ way)) if abs(pull) > 1e3 * _LOOSE * most else 0.0
 
     @cached_property
-    def _shape(self) -> NDArray:
+    def gradient(self) -> NDArray:
+        """What is read per coordinate, or per rate or acceleration where these are read, at rest, shape (n,)."""
+        moving = coordinates_of(type(self).n_coordinates)[self.order]
+        slopes = [sp.diff(self.equations.output, a).subs(dict.fromkeys(moving, 0)) for a in moving]
+        return self._numbers(sp.Matrix([slopes]))[0]
+
+    @cached_property
+    def shape(self) -> NDArray:
         """Displacement of the coordinates per unit of what is read, as the springs let a slow force do it."""
-        moving = coordinates_of(n := type(self).n_coordinates)[self.order]
-        way = self._numbers(sp.Matrix([[sp.diff(self.equations.output, a).subs(dict.fromkeys(moving, 0))
-                                        for a in moving]]))[0]  # fmt: skip
+        way = self.gradient
         if not way.any():
-            return np.zeros(n)
+            return way
         stiffness = self.stiffness()
         # A little of the inertia decides where no spring does: the body moves as a whole.
         small = 1e-9 * max(np.abs(stiffness).max() / np.abs(self.inertia).max(), 1e-12)

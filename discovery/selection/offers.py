@@ -92,7 +92,7 @@ class Offers:
         if node.key not in self._pairs:
             most = self.context.settings.budget.pairs
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            likely = likely_pairs(self.scored(node), minimum.residual, most)
+            likely = likely_pairs(self.scored(node), minimum.residual[: problem.bench.n_rows], most)
             self.context.progress("refitting pairs")
             quick = refit_pairs(minimum, problem, likely)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: most // 2]
