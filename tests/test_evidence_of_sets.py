@@ -215,3 +215,17 @@ def test_a_bound_moves_nothing_along_what_hangs_together_closely() -> None:
     low, high = np.array([-np.inf, -np.inf, 0.0]), np.full(3, np.inf)
     found = bounded_step(form, push, low, high, np.ones(3, bool))
     assert found == pytest.approx([0.5, -0.5, 0.0], abs=1e-4)
+
+
+def test_a_bound_takes_nothing_along_what_no_reading_tells() -> None:
+    """Two parameters of which the readings tell the sum, beside one that a bound stops."""
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((50, 2)) @ np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    residual = columns @ np.array([2.0, 1.0, 3.0]) + 1e-3 * rng.standard_normal(50)
+    form, push = columns.T @ columns, columns.T @ residual
+    low, high = np.array([-np.inf, -np.inf, -1.0]), np.full(3, np.inf)
+    step = bounded_step(form, push, low, high, np.ones(3, bool))
+    assert np.abs(step).max() < 10.0
+    assert step[2] == -1.0
+    least = np.sum((residual + columns @ step) ** 2)
+    assert residual @ residual + 2 * step @ push + step @ form @ step == pytest.approx(least, rel=1e-9)

@@ -146,8 +146,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
     program: Assignments = list(mechanics.assignments)
     program += [(c, sp.sympify(channels[c].value)) for c in channels if c in named]
     for channel, expression in forces.items():
-        pushed = sp.Symbol(f"F_{channel.name}", real=True)
-        program.append((pushed, expression))
+        program.append((pushed := sp.Symbol(f"F_{channel.name}", real=True), expression))
         force = [a + b * pushed for a, b in zip(force, channels[channel].jacobian, strict=True)]
     mass, force = (mass, force) if n == 1 else _named_once(mass, force, program)
     accelerations = _solve(mass, force, program)

@@ -23,7 +23,7 @@ _LOG_2PI = float(np.log(2 * np.pi))
 #: Scale of the half-Cauchy prior by which the noise exceeds what is stated, and rounds to its size.
 _NOISE_SCALE, _ROUNDS = 0.1, 3
 #: A direction of which the readings tell less than this share of the best told one is left where it is.
-_BLIND = 1e-10
+_BLIND = 1e-13
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,13 @@ def bounded_step(
     """Return the step that minimises a quadratic form within bounds."""
     step = _free_step(matrix, push, free)
     if ((step < low) | (step > high)).any():
-        # A root of the form without the directions that the free step leaves alone: bounds may move nothing along them.
+        # A root of the form in which the directions that the free step leaves alone are told to rest, by that share:
+        # bounds may move nothing along them, and nothing else does.
         told, axes = np.linalg.eigh(matrix[np.ix_(free, free)])
-        kept = told > _BLIND * told[-1]
-        root, axes = np.sqrt(told[kept]), axes[:, kept]
+        kept, root = told > _BLIND * told[-1], np.sqrt(np.maximum(told, _BLIND * told[-1]))
         limits = np.minimum(low[free], 0.0), np.maximum(high[free], 1e-300)
-        step[free] = lsq_linear((axes * root).T, -(push[free] @ axes) / root, limits, method="bvls").x
+        target = np.where(kept, -(push[free] @ axes) / root, 0.0)
+        step[free] = lsq_linear((axes * root).T, target, limits, method="bvls").x
         step[free] = np.clip(step[free], *limits)  # its solver may miss a bound by a rounding
     return step
 

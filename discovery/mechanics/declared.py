@@ -12,16 +12,13 @@ from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import OSCILLATOR
-from discovery.declarations.parameters import Flat, Normal, Parameter
 from discovery.declarations.place import INERTIA, local
-from discovery.declarations.system import Constant, SystemDeclaration
+from discovery.declarations.system import SystemDeclaration
 from discovery.mechanics.base import Base, Channel, Mechanics, Place, Strand
 from discovery.mechanics.declared_equations import INPUT, Equations, coordinates_of
+from discovery.mechanics.declared_parameters import Unread, constant_parameter, unread_coordinates
 from discovery.mechanics.rod import STRAIGHT
-from discovery.mechanics.unread import Unread, unread_coordinates
 
-#: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
-_FARTHEST = 1e4
 #: A direction counts as free of springs where what they answer is smaller than so much of the stiffest.
 _LOOSE = 1e-9
 
@@ -37,7 +34,7 @@ class DeclaredBase(Base):
     @classmethod
     def parameters(cls):
         """Return the constants of the declaration, in SI units, and where coordinates begin that are not read."""
-        constants = (_parameter(name, constant) for name, constant in cls.declaration.constants.items())
+        constants = (constant_parameter(name, constant) for name, constant in cls.declaration.constants.items())
         return (*constants, *(start for each in cls.unread() for start in each.starts))
 
     @classmethod
@@ -293,18 +290,3 @@ class DeclaredBase(Base):
         small = 1e-9 * max(np.abs(stiffness).max() / np.abs(self.inertia).max(), 1e-12)
         shape = np.linalg.solve(stiffness + small * self.inertia, way)
         return shape / (way @ shape)
-
-
-def _parameter(name: str, constant: Constant) -> Parameter:
-    size = abs(constant.value)
-    bounds = (-np.inf, np.inf)
-    prior: Flat | Normal = Flat(size)
-    if constant.free:
-        near, far = constant.value / _FARTHEST, constant.value * _FARTHEST
-        bounds = (min(near, far), max(near, far))
-    elif constant.sd is not None:
-        prior = Normal(constant.value, constant.sd)
-    return Parameter(
-        constant.unit, name.replace("_", " "), bounds, prior, default=constant.value, starts=(constant.value,),
-        fixed=not constant.free, physical=True, name=name,
-    )  # fmt: skip

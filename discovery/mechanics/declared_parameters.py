@@ -1,4 +1,4 @@
-"""Coordinates of a declared system that are not read: each of them may begin anywhere."""
+"""Parameters of a declared system: its constants, and where coordinates begin that are not read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Flat, Normal, Parameter
+from discovery.declarations.system import Constant
+
+#: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
+_FARTHEST = 1e4
+
+
+def constant_parameter(name: str, constant: Constant) -> Parameter:
+    """Return the parameter that a constant is, in SI units: known, free, or known within an uncertainty."""
+    size = abs(constant.value)
+    bounds = (-np.inf, np.inf)
+    prior: Flat | Normal = Flat(size)
+    if constant.free:
+        near, far = constant.value / _FARTHEST, constant.value * _FARTHEST
+        bounds = (min(near, far), max(near, far))
+    elif constant.sd is not None:
+        prior = Normal(constant.value, constant.sd)
+    return Parameter(
+        constant.unit, name.replace("_", " "), bounds, prior, default=constant.value, starts=(constant.value,),
+        fixed=not constant.free, physical=True, name=name,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
