@@ -152,6 +152,8 @@ def test_readings_that_refute_the_unit_are_not_explained(unit, verdict, tmp_path
     found = close_loop(dataset)
     assert found.verdict == verdict
     assert found.impossible == (verdict == "unexplained")
+    # Nothing was added, so that one model is reported, by one estimate.
+    assert found.errors["before"] == found.errors["after"]
     assert bool(doubts(found, dataset)) == found.impossible
     if not found.impossible:
         return
