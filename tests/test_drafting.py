@@ -187,7 +187,7 @@ def test_a_cell_that_is_no_number_is_named(cell: str, words: str, tmp_path: Path
 def test_lines_above_a_table_are_told_from_its_rows(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("Date, Monday, noon\nt [s], x [mm]\n0.0, 1.0\n0.1, 2.0\n")
-    with pytest.raises(InputError, match="delete the lines above the names, or begin each of them with #"):
+    with pytest.raises(InputError, match=r"'Date, Monday, noon' was taken .* delete it or put # before it"):
         draft([path], tmp_path)
     path.write_text("t [s], x [mm]\n0.0, 1.0\n")
     with pytest.raises(InputError, match=r"too few rows of readings \(1\)"):
@@ -395,9 +395,11 @@ def test_an_arm_keeps_its_columns(tmp_path: Path) -> None:
     assert rig.length.value == pytest.approx(1.0, abs=0.01)
 
 
-def test_numbers_without_names_get_some(tmp_path: Path) -> None:
+@pytest.mark.parametrize("title", ["", "beats 29.2cm\n"])
+def test_numbers_without_names_get_some(title: str, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     np.savetxt(path, np.column_stack([TIME, SWING]), "%.6f", ",")
+    path.write_text(title + path.read_text())
     document = drafted(path)
     assert document["columns"]["header"] == ["c1", "c2"]
     assert document["columns"]["time"]["name"] == "c1"
