@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_cli import call
 
-from discovery.drafting.law_of_motion import is_relative, own_period
+from discovery.drafting.law_of_motion import is_relative, own_period, runs_on
 from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
 from discovery.drafting.rig_text import draft
@@ -204,6 +204,41 @@ def test_a_table_with_both_decimal_marks_names_the_cell(tmp_path: Path) -> None:
 def test_a_reading_far_beside_rest_states_its_zero(tmp_path: Path) -> None:
     document = drafted(written(tmp_path, "a.csv", "t_s,distance_mm", TIME, 312.0 + 30.0 * SWING))
     assert document["columns"]["output"]["zero"] == pytest.approx(312.0, abs=2.0)
+
+
+@pytest.mark.parametrize("unit", ["counts", "x_m", "x_mm", "angle_deg"])
+def test_what_runs_on_is_driven_by_a_constant_in_any_unit(unit: str, tmp_path: Path) -> None:
+    way = 900.0 * (TIME - 0.2 * (1.0 - np.exp(-5.0 * TIME)))
+    path = written(tmp_path, "a.csv", f"t_s,volts,unused,{unit}", TIME, np.full(TIME.size, 12.0), 0.0 * TIME, way)
+    document = drafted(path)
+    assert (document["kind"], document["columns"]["input"]["name"]) == ("drive", "volts")
+    assert (
+        "# not used: unused (never changes: name it with --input if it drives)" in (tmp_path / "rig.toml").read_text()
+    )
+
+
+@pytest.mark.parametrize("name", ["counts", "x_mm", "angle_rad"])
+def test_a_constant_that_is_named_is_the_input(name: str, tmp_path: Path) -> None:
+    step = 5.0 * (1.0 - np.exp(-0.5 * TIME) * (np.cos(4.0 * TIME) + np.sin(4.0 * TIME) / 8.0))
+    path = written(tmp_path, "a.csv", f"t_s,volts,{name}", TIME, np.full(TIME.size, 12.0), step)
+    assert "input" not in drafted(path)["columns"]
+    assert "# not used: volts (never changes: name it with --input if it drives)" in (tmp_path / "rig.toml").read_text()
+    document = drafted(path, chosen={"input": "volts"})
+    assert document["kind"] == "oscillator"
+    assert document["columns"]["input"] == {"name": "volts", "unit": "V", "interpolation": "hold"}
+
+
+def test_what_comes_to_an_end_does_not_run_on() -> None:
+    assert runs_on(TIME**2, "m")
+    assert not runs_on(1.0 - np.exp(-TIME), "m")
+    assert not runs_on(SWING, "1")
+    assert not runs_on(np.ones(9), "1")
+
+
+def test_what_falls_is_driven_by_nothing_else(tmp_path: Path) -> None:
+    time = TIME[:100]
+    path = written(tmp_path, "a.csv", "t_s,volts,height_m", time, np.full(100, 5.0), 5.0 - 4.9 * time**2)
+    assert drafted(path)["kind"] == "falling_body"
 
 
 def test_an_angle_that_swings_freely_is_a_pendulum_and_its_unit_is_seen(tmp_path: Path) -> None:

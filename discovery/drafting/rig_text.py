@@ -164,7 +164,7 @@ def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: fl
     yield "[columns]"
     yield from _columns(found, guess, time, rate)
     if found.unused:
-        yield f"# not used: {', '.join(found.unused)[:300]}"
+        yield f"# not used: {_unused(found)}"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
         yield from _base(found, found.input, time)
     if not own:
@@ -172,6 +172,15 @@ def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: fl
         yield "[model]"
         yield "# what you declare; what it lacks is searched"
         yield f"effects = [{', '.join(map(_text, KINDS[guess.kind].declared))}]"
+
+
+def _unused(found: Signals) -> str:
+    """Name the columns that are left, and say of which ones nothing but the user can tell whether they drive."""
+    said = [", ".join(name for name in found.unused if name not in found.still)[:300]]
+    if found.still:
+        several = "never change: name one" if len(found.still) > 1 else "never changes: name it"
+        said.append(f"{', '.join(found.still)[:300]} ({several} with --input if it drives)")
+    return ", ".join(filter(None, said))
 
 
 def _base(found: Signals, base: Signal, time: FloatArray) -> Iterator[str]:
