@@ -46,6 +46,37 @@ def test_titles_above_the_names_are_passed_over(tmp_path, layout):
     assert unnamed_columns(path) == ()
 
 
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("titles", ["beats 29.2cm\n", "made on Monday, noon\n\n1500\n", "# a\nbeats\n# b\n"])
+def test_titles_above_unnamed_numbers_are_passed_over(tmp_path, layout, titles):
+    path = tmp_path / "r.txt"
+    if layout == "comma":
+        titles = titles.replace(",", ":")
+    path.write_text(titles + LAYOUTS[layout])
+    if layout != "tab and blanks":  # that needs a header to say how many cells there are
+        assert unnamed_columns(path) == ("c1", "c2", "c3")
+        with pytest.raises(InputError, match="first line holds numbers"):
+            read_table(path)
+    table = read_table(path, list("txv"))
+    np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in "txv"]), VALUES)
+    assert table.where(0).endswith(f"(line {titles.count(chr(10)) + 1} of the file)")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "1 2\n1 2 3\n4 5 6\n",  # a row that lost a cell
+        "t,x\n0,1,2,3\n0,2,3,4\n",  # names above decimal commas
+        "mm s\nt x\n0 1\n2 3\n",  # two lines of names
+        "Golf 1 2\n3 4 5\n6 7 8\n",  # a row with a word
+    ],
+)
+def test_what_may_be_a_row_or_names_is_no_title(tmp_path, content):
+    path = tmp_path / "r.txt"
+    path.write_text(content)
+    assert unnamed_columns(path) == ()
+
+
 @pytest.mark.parametrize("separator", [";", "\t", "  "])
 @pytest.mark.parametrize("named", [True, False])
 def test_numbers_with_a_decimal_comma(tmp_path, separator, named):
@@ -71,7 +102,14 @@ def test_a_comma_that_may_mark_thousands_is_refused(tmp_path, rows):
     [
         ("1 2 3\n4 5\n", list("abc"), "line 2: 2 cells in a table of 3 columns.*write nan"),
         ("1 2 3\n4 5 6 7\n", list("abc"), "line 2: 4 cells.*blanks only between columns"),
-        ("a b c\n1 2 3\n", list("abc"), "line 1: the first line holds names.*Remove header"),
+        (
+            "a b c\n1 2 3\n",
+            list("abc"),
+            "line 1: the first line holds names.*: 'a b c'. Remove header.*put # before it",
+        ),
+        ("run 2\na b c\n1 2 3\n", list("abc"), "line 2: the first line holds names.*: 'a b c'. Remove header"),
+        ("t,x\n0,1,2,3\n", None, "line 2: 4 cells.*decimal point.*'t,x' was taken for the names.*delete it or put #"),
+        ("x" * 99 + "\n1 2,\n3 4\n", None, r"Line 'x{57}\.\.\.' was taken"),
         ("1 2\n3 4\n", list("aa"), "two columns are named 'a'"),
         ("1 2\n3 4\n", None, r"line 1: the first line holds numbers.*header = \["),
         ("1,2\n3,4\n", list("abc")[:1], "2 cells in a table of 1 columns"),

@@ -14,6 +14,7 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
+from discovery.drafting.centre import centre_of
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, trials
 from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
@@ -27,6 +28,8 @@ from discovery.rigs.kinds import KINDS
 
 #: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.
 _BESIDE = 0.5
+#: What absorbs an error of a zero, whatever the law of motion: it shifts the readings.
+_OFF = "angle_offset"
 #: Share of the steps of a held input that are none, and of its range that it jumps by.
 _HELD, _JUMP = 0.5, 0.05
 
@@ -164,14 +167,27 @@ def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: fl
     yield "[columns]"
     yield from _columns(found, guess, time, rate)
     if found.unused:
-        yield f"# not used: {', '.join(found.unused)[:300]}"
+        yield f"# not used: {_unused(found)}"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
         yield from _base(found, found.input, time)
     if not own:
         yield ""
         yield "[model]"
         yield "# what you declare; what it lacks is searched"
-        yield f"effects = [{', '.join(map(_text, KINDS[guess.kind].declared))}]"
+        declared = list(KINDS[guess.kind].declared)
+        if _zero(found, guess, time) is not None:
+            yield f"# {_OFF} fits what the guessed zero is off by: take it out where you state a zero that you measured"
+            declared.append(_OFF)
+        yield f"effects = [{', '.join(map(_text, declared))}]"
+
+
+def _unused(found: Signals) -> str:
+    """Name the columns that are left, and say of which ones nothing but the user can tell whether they drive."""
+    said = [", ".join(name for name in found.unused if name not in found.still)[:300]]
+    if found.still:
+        several = "never change: name one" if len(found.still) > 1 else "never changes: name it"
+        said.append(f"{', '.join(found.still)[:300]} ({several} with --input if it drives)")
+    return ", ".join(filter(None, said))
 
 
 def _base(found: Signals, base: Signal, time: FloatArray) -> Iterator[str]:
@@ -196,10 +212,11 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
         between, why = ("", []) if differentiated else _between(found.input)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
-    more = _zero(found, guess)
+    zero = _zero(found, guess, time)
+    more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'
-    yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{_range(found.output)}"
+    yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{so}{_range(found.output)}"
     scatter, step = estimate_noise(found.output.values, time), quantum(found.output.values, time)
     noise = max(scatter, resolution(found.output.values, time) if step > 0.0 else 0.0)
     shown = figures(noise, 2) if noise > 0.0 else "0.1"
@@ -238,13 +255,13 @@ def _range(signal: Signal) -> str:
     return f"{figures(float(np.nanmin(signal.values)), 4)} to {figures(float(np.nanmax(signal.values)), 4)}"
 
 
-def _zero(found: Signals, guess: Guess) -> str:
-    """State the reading at rest, where a swinging system is read far beside zero."""
-    values = found.output.values[np.isfinite(found.output.values)]
-    rest = float(np.median(values[values.size // 2 :]))
-    half = float(np.ptp(values)) / 2.0
-    swings = KINDS[guess.kind].rests_anywhere and si_symbol(found.output.unit) != "s"
-    return f", zero = {rest:.6g}" if swings and found.input is None and abs(rest) > _BESIDE * half else ""
+def _zero(found: Signals, guess: Guess, time: FloatArray) -> float | None:
+    """Return the reading about which it goes, where a system that may rest anywhere is read far beside zero."""
+    if not KINDS[guess.kind].rests_anywhere or found.input is not None or si_symbol(found.output.unit) == "s":
+        return None
+    values = found.output.values
+    rest = centre_of(time, values, estimate_noise(values, time))
+    return rest if abs(rest) > _BESIDE * float(np.nanmax(values) - np.nanmin(values)) / 2.0 else None
 
 
 def _records(files: Sequence[Path], holdout: Sequence[Path], folder: Path, which: Sequence[str] = ()) -> Iterator[str]:

@@ -23,6 +23,8 @@ from discovery.foundation.text_table import unnamed_columns
 _JITTER = 0.05
 #: Roles without which other columns are looked at, and the fewest rows that tell anything.
 _NEEDED, _FEWEST = {"time", "output"}, 3
+#: Outputs that say nothing of a drive where they go one way: what falls is driven by its weight.
+_NO_PLACES = {"height", "speed", "acceleration"}
 #: Share of the cells, of at least so many, that are numbers in a column of numbers.
 _MOSTLY, _LOOKED = 0.8, 500
 #: Words for an angle.
@@ -54,7 +56,7 @@ class Signals:
 
     `header` are names given to the columns of a file without names. The input is the motion of a base where it is
     `moved`; the name of the output says that it `reads` a ``"height"``, ``"speed"``, ``"acceleration"``, or something
-    else.
+    else. Of the columns that are `unused`, some are `still`: numbers that never change.
     """
 
     header: tuple[str, ...]
@@ -64,6 +66,7 @@ class Signals:
     moved: bool
     reads: str
     unused: tuple[str, ...]
+    still: tuple[str, ...]
 
 
 def open_table(path: Path) -> tuple[Table, tuple[str, ...]]:
@@ -97,12 +100,10 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
     if output is None:
         raise InputError(f"{path} has no column that could be the output. Name one with --output. {_list(columns)}")
     read = _signal(output, columns, meanings, "output")
-    runs = si_symbol(read.unit) == "rad" and runs_on(read.si)
-    if given is not None and np.ptp(columns[given]) == 0.0 and not runs:
-        given = None
-    if given is None and runs:
-        # What turns on and on is driven, be it by a constant.
-        given = _input([n for n in columns if n != time], meanings, output)
+    still = [name for name, values in columns.items() if not _changes(values)]
+    if given is None and meanings[output].role not in _NO_PLACES and runs_on(read.si, read.unit):
+        # What goes on and on is driven, be it by a constant.
+        given = _input([name for name in still if np.nanmax(np.abs(columns[name])) > 0.0], meanings, output)
     used = {time, given, output}
     return Signals(
         header,
@@ -112,11 +113,16 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
         moved=given is not None and meanings[given].role == "moved",
         reads=meanings[output].role,
         unused=tuple(name for name in table.columns if name not in used),
+        still=tuple(name for name in still if name not in used),
     )
 
 
 def _varies(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> bool:
-    return meanings[name].role != "time" and bool(np.nanmax(columns[name]) > np.nanmin(columns[name]))
+    return meanings[name].role != "time" and _changes(columns[name])
+
+
+def _changes(values: FloatArray) -> bool:
+    return bool(np.nanmax(values) > np.nanmin(values))
 
 
 def _numbers(table: Table, used: set[str] | None) -> dict[str, FloatArray]:

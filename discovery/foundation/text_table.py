@@ -23,6 +23,8 @@ _BLANKS = r"\s+"
 _LOOKED = 200
 #: Lines of titles that a program may write above a table.
 _TITLES = 5
+#: What is done with a line that is no part of a table, and how many of its characters a message shows.
+_AWAY, _SHOWN = "delete it or put # before it", 60
 _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 #: May be a thousand or more as well as a number with three decimals.
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -43,7 +45,7 @@ def parse_text(
 
     Commas, semicolons, tabs or runs of blanks separate the columns; lines that begin with ``#`` or ``%`` are comments.
     Where no comma separates columns, numbers may have a decimal comma. Where the first row holds numbers, the comment
-    above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above the names.
+    above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above all of it.
 
     Raises InputError if the file is no table: empty, without names or with names given twice, or with rows that do not
     have the cells that the names ask for.
@@ -54,18 +56,19 @@ def parse_text(
     if lines.size == 0:
         raise InputError(f"{path} is empty but for comments. Export the recording again.")
     rows = [every[number - 1] for number in lines]
-    titles = _titles(rows) if header is None else 0
+    titles = _titles(rows, header)
     rows, lines = rows[titles:], lines[titles:]
     separator = _separator(rows, header)
     first = _cells(rows[0], separator)
     told = _commented_names(every[: int(lines[0]) - 1], separator, first) if header is None else []
     names = list(header) if header is not None else told or first
-    _check_names(path, int(lines[0]), names, first, header is not None)
+    _check_names(f"{path}, line {lines[0]}", rows[0], names, first, header is not None)
+    top = ""
     if header is None and not told:
-        rows, lines = rows[1:], lines[1:]
+        top, rows, lines = rows[0], rows[1:], lines[1:]
     if not rows:
         raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
-    _check_cells(path, lines, rows, separator, len(names), titled=header is None and not told)
+    _check_cells(path, lines, rows, separator, len(names), top)
     return _read(path, rows, separator, names), lines
 
 
@@ -76,13 +79,14 @@ def unnamed_columns(path: Path) -> tuple[str, ...]:
     except (OSError, ValueError):  # told where the file is read
         return ()
     every = [] if found is None else [line.strip() for line in found[0].splitlines()]
-    rows = [number for number, line in enumerate(every) if line and line[0] not in "#%"][:2]
-    if not rows:
+    numbers = [number for number, line in enumerate(every) if line and line[0] not in "#%"][: _TITLES + 2]
+    if not numbers:
         return ()
-    first = every[rows[0]]
-    separator = _separator([first, every[rows[-1]]], None)
-    cells = _cells(first, separator)
-    named = not all(map(_is_either_number, cells)) or _commented_names(every[: rows[0]], separator, cells)
+    titles = _titles([every[number] for number in numbers], None)
+    rows = [every[number] for number in numbers[titles : titles + 2]]
+    separator = _separator(rows, None)
+    cells = _cells(rows[0], separator)
+    named = not all(map(_is_either_number, cells)) or _commented_names(every[: numbers[titles]], separator, cells)
     return () if named else tuple(f"c{number}" for number in range(1, len(cells) + 1))
 
 
@@ -101,15 +105,26 @@ def _separator(rows: Sequence[str], header: Sequence[str] | None) -> str:
     return _BLANKS if not alone and 1 < wanted == len(first.split()) else separator
 
 
-def _titles(rows: Sequence[str]) -> int:
-    """Return how many lines, each of fewer cells, stand above the names of the columns and a first row of numbers."""
+def _titles(rows: Sequence[str], header: Sequence[str] | None) -> int:
+    """Return how many lines of titles stand above a first row of numbers, or above the names of its columns."""
     for above in range(min(_TITLES, len(rows) - 2) + 1):
-        separator = _separator(rows[above : above + 2], None)
+        separator = _separator(rows[above : above + 2], header)
         *titles, names, first = (_cells(row, separator) for row in rows[: above + 2])
         if len(names) == len(first) > 1 and all(map(_is_either_number, first)):
-            fewer = not any(map(_is_either_number, names)) and all(len(title) < len(names) for title in titles)
-            return above if fewer else 0
+            if not any(map(_is_either_number, names)):
+                return above if all(len(title) < len(names) for title in titles) else 0
+            unnamed = all(map(_is_either_number, names))
+            return above if unnamed and all(_is_title(title, len(names), separator) for title in titles) else 0
     return 0
+
+
+def _is_title(cells: Sequence[str], columns: int, separator: str) -> bool:
+    """Say whether cells are a title above unnamed numbers: a single one, else words between blanks.
+
+    What has marks between its cells may be names of columns, or a row with decimal commas; numbers alone are a row.
+    """
+    numbers, size = sum(map(_is_either_number, cells)), len(cells)
+    return size == 1 or (separator == _BLANKS and (numbers < size < columns or (numbers == 0 and size > columns)))
 
 
 def _cells(row: str, separator: str) -> list[str]:
@@ -137,47 +152,48 @@ def _decimal(rows: Sequence[str], separator: str) -> str:
     return "," if not plain and any(not _THOUSAND.fullmatch(cell) for cell in marked) else "."
 
 
-def _check_names(path: Path, line: int, names: Sequence[str], first: Sequence[str], given: bool) -> None:
+def _check_names(where: str, row: str, names: Sequence[str], first: Sequence[str], given: bool) -> None:
     if not given and all(map(_is_either_number, names)):
         raise InputError(
-            f"{path}, line {line}: the first line holds numbers, not column names. Add a header such as "
+            f"{where}: the first line holds numbers, not column names. Add a header such as "
             "'time_s,motor_angle_rad,tip_x_m,tip_y_m', or for another system name the columns in the rig file, "
             'header = ["t", "y"] in [columns].'
         )
     if given and not any(map(_is_either_number, first)):
         raise InputError(
-            f"{path}, line {line}: the first line holds names, not numbers, but the rig file gives a header. Remove "
-            "header from its [columns]."
+            f"{where}: the first line holds names, not numbers, but the rig file gives a header: {_quoted(row)}. "
+            f"Remove header from its [columns]; if it is a title, {_AWAY}."
         )
     duplicate = [name for name, count in Counter(names).items() if count > 1]
     if duplicate:
-        raise InputError(f"{path}, line {line}: two columns are named {duplicate[0]!r}. Rename or remove one of them.")
+        raise InputError(f"{where}: two columns are named {duplicate[0]!r}. Rename or remove one of them.")
 
 
-def _check_cells(
-    path: Path, lines: IntArray, rows: Sequence[str], separator: str, columns: int, *, titled: bool
-) -> None:
+def _check_cells(path: Path, lines: IntArray, rows: Sequence[str], separator: str, columns: int, top: str) -> None:
+    """Refuse rows of other cells than the names ask for; `top` is the line that was taken for them, if one was."""
     blanks = separator == _BLANKS
-    # What stands above a table was taken for its names.
-    above = titled and not any(map(_is_either_number, _cells(rows[0], separator)))
+    twice = bool(top) and not any(map(_is_either_number, _cells(rows[0], separator)))
+    taken = f" Line {_quoted(top)} was taken for the names of the columns: if it is a title, {_AWAY}." if top else ""
     for line, row in zip(lines, rows, strict=True):
         cells = len(row.split()) if blanks else row.count(separator) + 1
-        if above and cells != columns:
-            raise InputError(
-                f"{path}, line {line}: {cells} cells in a table of {columns} columns. Its first line was taken for the "
-                f"names of the columns, and line {lines[0]} holds no numbers either: delete the lines above the names, "
-                "or begin each of them with #."
-            )
+        wrong = f"{path}, line {line}: {cells} cells in a table of {columns} columns."
+        if twice and cells != columns:
+            raise InputError(f"{wrong}{taken} Line {lines[0]} holds no numbers either.")
         if blanks and cells < columns:
             raise InputError(
-                f"{path}, line {line}: {cells} cells in a table of {columns} columns. Between blanks no cell can be "
-                "left empty: write nan where there is no reading."
+                f"{wrong} Between blanks no cell can be left empty: write nan where there is no reading.{taken}"
             )
         if cells > columns and '"' not in row:
             raise InputError(
-                f"{path}, line {line}: {cells} cells in a table of {columns} columns. Use a decimal point in numbers, "
-                f"and {'blanks' if blanks else repr(separator)} only between columns."
+                f"{wrong} Use a decimal point in numbers, and {'blanks' if blanks else repr(separator)} only between "
+                f"columns.{taken}"
             )
+
+
+def _quoted(row: str) -> str:
+    """Return a line as a message shows it, cut where it is long."""
+    row = row.strip()
+    return repr(row if len(row) <= _SHOWN else row[: _SHOWN - 3] + "...")
 
 
 def _read(path: Path, rows: Sequence[str], separator: str, names: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
