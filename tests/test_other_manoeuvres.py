@@ -203,6 +203,12 @@ def test_the_page_joins_what_is_one_law(tmp_path: Path, monkeypatch: pytest.Monk
     assert row["designed_chi2"] == with_twins("free").designed.chi2
 
 
+def test_results_of_old_that_know_no_laws_are_read() -> None:
+    record = release().summary()
+    del record["clusters"]
+    assert separation_sentence(record) == separation_sentence(release().summary())
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_a_release_alone_moves_no_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))

@@ -7,7 +7,12 @@ from typing import Any
 
 from discovery.report.caution_sentences import caution_sentence
 from discovery.report.estimates import symbol_of
-from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence, stand_in_sentence
+from discovery.report.follow_up_sentences import (
+    contradiction_sentences,
+    laws_of,
+    separation_sentence,
+    stand_in_sentence,
+)
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
@@ -87,9 +92,9 @@ def separation_table(run: Run) -> Table | None:
     cells, raw = [], []
     for i, d in enumerate(designs):
         values = [_likeness(d), d["given"]["projected"], d["designed"]["projected"], d["designed"]["chi2"]]
-        laws = [" or ".join(map(effect_name, names)) for names in d["clusters"]]
+        laws = [" or ".join(map(effect_name, names)) for names in laws_of(d)]
         cells.append([f"{i + 1}", "; ".join(laws), *(significant(v) for v in values)])
-        raw.append([i + 1, "; ".join(" = ".join(names) for names in d["clusters"]), *values])
+        raw.append([i + 1, "; ".join(" = ".join(names) for names in laws_of(d)), *values])
     apart = ("apart, given", "apart, designed", "chi-square expected")
     head = ("manoeuvre", "rivals, simplest first", "similarity", *apart)
     keys = ("manoeuvre", "rivals", "similarity", "given_projected", "designed_projected", "designed_chi2")
@@ -107,13 +112,13 @@ def separation_table(run: Run) -> Table | None:
 
 def _likeness(design: Mapping[str, Any]) -> float | None:
     """Return the largest similarity between rivals of different laws, or of one where there is no other."""
-    law = {name: i for i, names in enumerate(design["clusters"]) for name in names}
+    law = {name: i for i, names in enumerate(laws_of(design)) for name in names}
     labels = [law[name] for name in design["rivals"]]
     pairs = [
         value
         for i, row in enumerate(design["similarity"])
         for j, value in enumerate(row[:i])
-        if value is not None and (labels[i] != labels[j] or len(design["clusters"]) == 1)
+        if value is not None and (labels[i] != labels[j] or len(laws_of(design)) == 1)
     ]
     return max(pairs, default=None)
 

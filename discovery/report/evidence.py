@@ -138,7 +138,7 @@ def ranking_table(run: Run) -> Table | None:
             if outcome == "added":
                 outcome += fate(run, c["effects"])
             raw.append([i, "; ".join(c["effects"]), outcome, *(c[k] for k in keys)])
-            if place < _BEST or outcome:
+            if place < _BEST or search.kind(c["effects"]) != "other":
                 told = (None if blows_up(c) else c[k] for k in ("train", "held", "size", "model_error"))
                 numbers = [significant(v) for v in told]
                 cells.append([f"{i}", listed(map(effect_name, c["effects"])), outcome, *numbers, f"{c['parameters']}"])

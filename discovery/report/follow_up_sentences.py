@@ -51,9 +51,14 @@ def _nearest(tried: Sequence[Record]) -> str:
     return f"; the nearest is {best['id']}, {figures(-best['odds'], 2)} nats less likely than an error of the rig file"
 
 
+def laws_of(found: Record) -> list[list[str]]:
+    """Return the rivals of loop.json by law; results of old do not say which are one."""
+    return found["clusters"] if "clusters" in found else [[name] for name in found["rivals"]]
+
+
 def laws_apart(found: Record) -> list[str]:
     """Return one rival of each law that a designed manoeuvre of loop.json is to tell apart, the simplest."""
-    return [names[0] for names in found["clusters"]]
+    return [names[0] for names in laws_of(found)]
 
 
 def separation_sentence(found: Record) -> str:
@@ -66,10 +71,10 @@ def separation_sentence(found: Record) -> str:
     """
     said = [
         f"Here {listed(names)} are the same law: no recording within the safe limits tells them apart."
-        for names in found["clusters"]
+        for names in laws_of(found)
         if len(names) > 1
     ]
-    if len(found["clusters"]) > 1:
+    if len(laws_of(found)) > 1:
         said.append(_promise(found) if found["decides"] else _undecided(found))
     return " ".join(said)
 
