@@ -18,7 +18,8 @@ def test_the_names_of_rivals_leave_room_for_their_curves(rivals: list[str]) -> N
     """A legend wider than the figure left none, which matplotlib warns of."""
     time = np.linspace(0.0, 1.0, 50)
     predicted = np.column_stack([time, *(np.cos((6 + i) * time) for i in range(len(rivals)))]).tolist()
-    design = {"decides": True, "moves": [], "predicted": predicted, "rivals": rivals, "release": 0.3, "unit": "rad/s"}
+    told = {"decides": True, "rivals": rivals, "clusters": [[name] for name in rivals]}
+    design = {**told, "moves": [], "predicted": predicted, "release": 0.3, "unit": "rad/s"}
     with styled():
         (picture,) = draw(SimpleNamespace(loop={"separation": [design]}))
         render(picture)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -25,6 +26,8 @@ from discovery.report.follow_up_sentences import separation_sentence
 from discovery.simulation.simulate import Simulator
 
 PAIR = ("coulomb_friction", "quadratic_drag")
+#: One law while the spring is linear: where it rests, or where the instrument has its zero.
+TWINS = ("equilibrium_offset", "angle_offset")
 BENCH = Path(__file__).parents[1] / "datasets" / "spring_bench" / "rig.toml"
 
 
@@ -52,6 +55,20 @@ def course() -> Separation:
 @cache
 def release() -> Separation:
     return separate(free(), np.random.default_rng(1))
+
+
+@cache
+def with_twins(which: str) -> Separation:
+    """Return the manoeuvre for a drag and two offsets that are one law, in swings that were driven or free."""
+    if which == "driven":
+        errors = np.random.default_rng(2).normal(3 * NOISE, NOISE, TIME.size)
+        model, part = Model("oscillator", EFFECTS, {"g": 1.7}), experiment(errors)
+    else:
+        model, part = Model("oscillator", EFFECTS, {"g": 0.0}), load_dataset(BENCH).train[0].first(180)
+        read = part.recording
+        part = replace(part, recording=replace(read, output=read.output + 3 * read.noise))
+    fits = {name: fit(model.with_effect(name), [part]) for name in (*TWINS, "quadratic_drag")}
+    return separate(fits, np.random.default_rng(1), evaluations=60)
 
 
 def chi2(found: Separation, rivals: dict[str, Fit]) -> float:
@@ -89,6 +106,32 @@ def test_what_has_no_input_is_let_go_from_where_it_has_been() -> None:
     np.testing.assert_allclose([p[0] for p in predicted], found.release, atol=1e-4)
     apart = np.square((predicted[0] - predicted[1]) / 5e-5).sum() * (len(time) and 1.0)
     assert apart > 0.0
+
+
+@pytest.mark.parametrize("which", ["driven", "free"])
+def test_rivals_that_are_one_law_do_not_hide_what_tells_another(which: str) -> None:
+    found = with_twins(which)
+    assert set(map(frozenset, found.clusters)) == {frozenset(TWINS), frozenset(["quadratic_drag"])}
+    assert found.designed.chi2 > 10.0
+    record = json.loads(json.dumps(found.summary()))
+    for decides in (True, False):
+        said = separation_sentence(record | {"decides": decides})
+        same, _, others = said.partition(". ")
+        assert sorted(same.removeprefix("Here ").split(" are the same law: ")[0].split(" and ")) == sorted(TWINS)
+        first = next(names[0] for names in found.clusters if len(names) > 1)
+        assert first in others
+        assert ({*TWINS} - {first}).pop() not in others
+
+
+def test_what_is_one_law_alone_is_said_without_advice_that_cannot_help() -> None:
+    part = load_dataset(BENCH).train[0].first(180)
+    model = Model("oscillator", EFFECTS, {"g": 0.0})
+    found = separate({name: fit(model.with_effect(name), [part]) for name in TWINS}, np.random.default_rng(1))
+    assert not found.decides
+    assert len(found.clusters) == 1
+    said = separation_sentence(found.summary())
+    assert said.endswith("are the same law: no recording within the safe limits tells them apart.")
+    assert "would help" not in said
 
 
 @pytest.mark.parametrize("which", [course, release])
@@ -146,6 +189,24 @@ def test_where_nothing_decides_the_page_says_so_and_names_no_file(
     assert page.count("No manoeuvre within the safe limits") == 2
     assert "manoeuvre_1" not in page
     assert not (tmp_path / "tables" / "moves.csv").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_joins_what_is_one_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
+    page = page_with(tmp_path, with_twins("free"))
+    assert "are the same law: no recording" in page
+    (row,) = pd.read_csv(tmp_path / "tables" / "separation.csv").to_dict("records")
+    assert " = ".join(next(names for names in with_twins("free").clusters if len(names) > 1)) in row["rivals"]
+    # Between laws: the offsets have one sensitivity.
+    assert row["similarity"] < 0.999
+    assert row["designed_chi2"] == with_twins("free").designed.chi2
+
+
+def test_results_of_old_that_know_no_laws_are_read() -> None:
+    record = release().summary()
+    del record["clusters"]
+    assert separation_sentence(record) == separation_sentence(release().summary())
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -29,7 +29,7 @@ from discovery.foundation.errors import ComputationError, InputError
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.systems import declare
 from discovery.posterior.inference_data import arranged
-from discovery.report import build_report, figures, posterior, sentences, story
+from discovery.report import build_report, evidence, figures, posterior, sentences, story
 from discovery.report.charts import _every, chart_data
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import drive_symbols, model_formulas
@@ -40,7 +40,16 @@ from discovery.report.latex import latex
 from discovery.report.mathml import block, formula
 from discovery.report.model_error_sentences import model_error_words
 from discovery.report.noise import honest_table, noise_differs, noise_sentence
-from discovery.report.numbers import chance, interval, scale_for, scale_for_change, significant, uncertain, unit_text
+from discovery.report.numbers import (
+    MISSING,
+    chance,
+    interval,
+    scale_for,
+    scale_for_change,
+    significant,
+    uncertain,
+    unit_text,
+)
 from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
 from discovery.report.style import decimate, new_figure
@@ -384,18 +393,45 @@ def test_candidates_are_bars_of_log_evidence(arm: Made) -> None:
         (axes,) = picture.figure.axes
         left, right = axes.get_xlim()
         drawn = [p.get_width() for p in axes.patches]
-        told = [c[k] for c in search.candidates for k in ("train", "held")]
+        simulated = [c for c in search.candidates if not story.blows_up(c)]
+        told = [c[k] for c in simulated for k in ("train", "held")]
         # A loss beyond the axis ends at its edge.
         assert drawn == pytest.approx([max(v, left, nats.LOSS) for v in told])
         assert max(told) <= right
         hatched = [bool(p.get_hatch()) for p in axes.patches]
-        assert hatched == [False, True] * len(search.candidates)
+        assert hatched == [False, True] * len(simulated)
     labels = [t.get_text() for t in second.figure.axes[0].get_yticklabels()]
     assert labels[:3] == [
         "table tilt\n(too little held out)",
         "encoder ripple\n(no more than chance)",
         "hysteresis +\nbase compliance",
     ]
+
+
+@pytest.mark.parametrize(("train", "held"), [(-math.inf, 1050.0), (-math.inf, -math.inf), (40.0, -math.inf)])
+@pytest.mark.parametrize("tried", [False, True])
+def test_a_candidate_that_blows_up_is_said_to_and_has_no_bar(
+    tmp_path: Path, train: float, held: float, *, tried: bool
+) -> None:
+    results = synthetic_run.write_arm_run(tmp_path)
+    weighed = synthetic_run.candidate("wind", train=train, held=held, error=math.inf)
+    rows = [weighed, synthetic_run.candidate("hysteresis", train=4.0, held=1.0)]
+    step = {"numbers": {"train": train, "held": held, "ahead": held}, "candidates": rows}
+    what, code = ("wind", "finite") if tried else ("hysteresis", "training")
+    results["loop"]["steps"] = [synthetic_run.decision("add", what, accepted=False, code=code, **step)]
+    write_json(tmp_path / "results.json", results)
+    # JSON has no number for what is infinite: the project's words stand there, and are read as they were.
+    json.loads((tmp_path / "results.json").read_text(encoding="utf-8"), parse_constant=pytest.fail)
+    assert read_json(tmp_path / "results.json")["loop"]["steps"][0]["candidates"] == rows
+    run = Run(tmp_path, read_json(tmp_path / "results.json"))
+    ((_, first, outcome, *shown, _), _) = evidence.ranking_table(run).rows  # type: ignore[union-attr]
+    assert (first, outcome, {*shown}) == ("wind", "blows up", {MISSING})
+    (picture,) = ranking.draw(run)
+    (axes,) = picture.figure.axes
+    assert [p.get_width() for p in axes.patches] == [4.0, 1.0]
+    assert axes.get_yticklabels()[0].get_text() == "wind\n(blows up)"
+    assert axes.get_xlim()[1] < 100
+    assert "Arrows" not in picture.caption
 
 
 @pytest.mark.parametrize("most", [0.4, 5.0, 59.0, 61.0, 2e3, 4e6])

@@ -31,7 +31,8 @@ from discovery.diagnosis.manoeuvre_design import (
     moves_from_unit,
     reach,
 )
-from discovery.diagnosis.rival_distance import Distance, MoveSearch, _absorbed
+from discovery.diagnosis.rival_distance import MoveSearch
+from discovery.diagnosis.rival_pairs import Distance, Laws, Pairs, absorbed
 from discovery.diagnosis.separation import Separation, separate, similarity_matrix
 from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
@@ -160,7 +161,7 @@ def test_what_is_left_of_a_difference_is_the_bounded_least_squares() -> None:
     by_normal_equations = difference - jacobian @ np.linalg.solve(
         jacobian.T @ jacobian + root.T @ root, jacobian.T @ difference
     )
-    assert _absorbed(difference, jacobian, root, free) == pytest.approx(difference @ by_normal_equations)
+    assert absorbed(difference, jacobian, root, free) == pytest.approx(difference @ by_normal_equations)
     narrow = np.array([[-0.01, -np.inf, 0.0], [0.02, 0.05, np.inf]])
     found = minimize(
         lambda p: np.sum((difference - jacobian @ p) ** 2) + np.sum((root @ p) ** 2),
@@ -168,10 +169,10 @@ def test_what_is_left_of_a_difference_is_the_bounded_least_squares() -> None:
         bounds=list(zip(*np.where(np.isfinite(narrow), narrow, np.sign(narrow) * 1e6), strict=True)),
         options={"ftol": 1e-15, "gtol": 1e-10},
     )
-    assert _absorbed(difference, jacobian, root, narrow) == pytest.approx(found.fun, rel=1e-6)
+    assert absorbed(difference, jacobian, root, narrow) == pytest.approx(found.fun, rel=1e-6)
     # Knowing nothing and everything about the parameters.
-    assert _absorbed(jacobian @ [1.0, 2.0, 3.0], jacobian, 0 * root, free) == pytest.approx(0, abs=1e-20)
-    assert _absorbed(difference, jacobian, 1e9 * np.eye(3), free) == pytest.approx(difference @ difference)
+    assert absorbed(jacobian @ [1.0, 2.0, 3.0], jacobian, 0 * root, free) == pytest.approx(0, abs=1e-20)
+    assert absorbed(difference, jacobian, 1e9 * np.eye(3), free) == pytest.approx(difference @ difference)
 
 
 def test_rivals_are_alike_on_one_move() -> None:
@@ -377,10 +378,18 @@ class Bowl:
 
     angle = 0.0
 
-    def compare(self, moves: tuple[Move, ...]) -> tuple[Distance, float]:
+    def compare(self, moves: tuple[Move, ...]) -> tuple[Pairs, float]:
         first = moves[0]
         miss = ((first.angle - 1.0) / 0.5) ** 2 + (first.speed - 1.5) ** 2 + 0.2 * (len(moves) - 2) ** 2
-        return Distance(1.0, 1.0, float(np.exp(-miss))), 0.0
+        return Pairs(np.full((2, 2), np.exp(-miss)), np.ones((2, 2)), 1), 0.0
+
+
+def searched(evaluations: int, seed: int) -> MoveSearch:
+    """Return the search for the best manoeuvre of the bowl."""
+    search, rng = MoveSearch(Bowl(), LIMITS), np.random.default_rng(seed)  # type: ignore[arg-type]
+    search.explore(evaluations, rng)
+    search.improve(evaluations, Laws.of(2, []), rng)
+    return search
 
 
 def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -393,8 +402,7 @@ def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.Mo
     monkeypatch.setattr("discovery.diagnosis.rival_distance.minimize", watched)
     for evaluations in (1, 2, 5, 20, 50, 100):
         for seed in range(6):
-            search = MoveSearch(Bowl(), LIMITS)  # type: ignore[arg-type]
-            search.run(evaluations, np.random.default_rng(seed))
+            search = searched(evaluations, seed)
             assert search.count == evaluations
             assert search.moves
     assert begun
@@ -405,12 +413,7 @@ def test_a_simplex_is_begun_only_where_it_can_be_finished(monkeypatch: pytest.Mo
 
 def test_few_trials_find_more_than_chance_and_than_an_unfinished_simplex(monkeypatch: pytest.MonkeyPatch) -> None:
     def missed() -> float:
-        merits = []
-        for seed in range(60):
-            search = MoveSearch(Bowl(), LIMITS)  # type: ignore[arg-type]
-            search.run(20, np.random.default_rng(seed))
-            merits.append(search.merit)
-        return float(np.log(2) - np.mean(merits))
+        return float(np.log(2) - np.mean([searched(20, seed).merit for seed in range(60)]))
 
     found = missed()
     with monkeypatch.context() as changed:

@@ -1,26 +1,16 @@
-r"""How far rival models lie apart on a manoeuvre, once the wrong one has absorbed what it can.
-
-Let model A be right: on a new manoeuvre B then errs by d, of which B's free parameters can absorb a part, but only as
-far as their bounds and the given recordings let them move. What is left,
-
-.. math:: \Delta\chi^2 = \min_p\; |d - J p|^2 + |R p|^2,
-
-is the chi-square by which A wins once both are refitted to the old and the new recording. d and the sensitivities J are
-in units of the camera's noise; R is the root of the information that the given recordings, and the priors from the rig,
-hold about B's parameters. The initial state of the new recording is free.
-"""
+"""Rival models on manoeuvres that are tried, and the search for the one that tells them apart."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import permutations
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import minimize
 
 from discovery.diagnosis.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit
+from discovery.diagnosis.rival_pairs import Laws, Pairs
 from discovery.estimation.fit import Fit
 from discovery.estimation.predict import equilibrium
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
@@ -34,30 +24,6 @@ _SAMPLES = 400
 _RANDOM = 0.6
 #: Standard deviation of a random step from the best, in each direction of the unit cube.
 _STEP = 0.1
-
-
-@dataclass(frozen=True)
-class Distance:
-    """How far the predictions of two rivals lie apart on one set of recordings.
-
-    It is the root mean square difference over samples and channels [noise sds], parameters as they are (`plain`) and of
-    what the wrong one cannot absorb (`projected`), the smaller of both directions; `chi2` is the one by which the right
-    one is expected to win, in the worse direction.
-    """
-
-    plain: float
-    projected: float
-    chi2: float
-
-
-def _absorbed(difference: FloatArray, jacobian: FloatArray, root: FloatArray, room: FloatArray) -> float:
-    """Return min over p of |difference - jacobian p|^2 + |root p|^2 for p between the rows of `room` (2, m)."""
-    matrix = np.concatenate([jacobian, root])
-    size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    target = np.concatenate([difference, np.zeros(len(root))])
-    # A triangle holds all that the bounded solver needs.
-    triangle: Any = np.linalg.qr(np.column_stack([matrix / size, target]), mode="r")
-    return 2 * float(lsq_linear(triangle[:, :-1], triangle[:, -1], room * size, method="bvls").cost)
 
 
 def _room(fit: Fit) -> FloatArray:
@@ -128,18 +94,18 @@ class Trial:
         # Fewer samples than will be recorded are enough: each stands for several.
         self.time = np.linspace(0.0, duration, min(self.count, _SAMPLES))
 
-    def compare(self, moves: Sequence[Move], release: float = 0.0) -> tuple[Distance, float]:
-        """Return the distance of the nearest pair on a manoeuvre, and the largest deflection predicted [q].
+    def compare(self, moves: Sequence[Move], release: float = 0.0) -> tuple[Pairs, float]:
+        """Return how far the rivals lie apart on a manoeuvre, and the largest deflection predicted [q].
 
         A system without an input has no moves; it is let go so far from rest, `release` [q].
         """
         found, deflection = self._found(moves, release)
+        count = self.count * len(self.given.recording.units)
         if not np.isfinite(deflection):
-            return Distance(0.0, 0.0, 0.0), np.inf
+            return Pairs.none(len(self.rivals), count), np.inf
         weight = np.sqrt(self.count / self.time.size)
         scaled = [(weight * value, weight * slope) for value, slope in found]
-        known = [(rival.root, rival.room) for rival in self.rivals]
-        return _nearest(scaled, known, self.count * len(self.given.recording.units)), deflection
+        return Pairs.of(scaled, [(rival.root, rival.room) for rival in self.rivals], count), deflection
 
     def readings(self, moves: Sequence[Move], release: float) -> FloatArray:
         """Return what each rival predicts of the first channel at `time`, shape (n, r) [SI]."""
@@ -185,27 +151,14 @@ class Trial:
         return within_half_a_turn(np.arctan2(reading[:, 1], reading[:, 0]) - motor[:, None])
 
 
-def _nearest(
-    found: Sequence[tuple[FloatArray, FloatArray]], known: Sequence[tuple[FloatArray, FloatArray]], count: int
-) -> Distance:
-    """Return the distance of the pair of rivals that is the hardest to tell apart; chi-squares over `count` numbers."""
-    pairs = []
-    for a, b in permutations(range(len(found)), 2):
-        difference = found[a][0] - found[b][0]
-        left = _absorbed(difference, found[b][1], *known[b])
-        pairs.append((left, float(difference @ difference)))
-    chi2, plain = min(pairs)
-    return Distance(float(np.sqrt(plain / count)), float(np.sqrt(chi2 / count)), chi2)
-
-
-def distance_on_given(fits: Sequence[Fit]) -> Distance:
-    """Return the distance of the nearest pair on the recordings that they were fitted to."""
+def pairs_on_given(fits: Sequence[Fit]) -> Pairs:
+    """Return how far the rivals lie apart on the recordings that they were fitted to."""
     found = []
     for f in fits:
         rows = f.problem.bench.n_rows
         found.append((f.minimum.residual[:rows], f.minimum.jacobian[:rows]))
     known = [(np.zeros((0, len(f.problem.names))), _room(f)) for f in fits]
-    return _nearest(found, known, fits[0].problem.bench.n_data)
+    return Pairs.of(found, known, fits[0].problem.bench.n_data)
 
 
 class MoveSearch:
@@ -214,6 +167,8 @@ class MoveSearch:
     def __init__(self, trial: Trial, limits: MotorLimits) -> None:
         self._trial, self._limits = trial, limits
         self._best: FloatArray = np.empty(0)
+        self._drawn: list[tuple[FloatArray, Pairs, float]] = []
+        self._laws = Laws(np.zeros(1, np.int64))
         self.merit, self.count = -np.inf, 0
 
     @property
@@ -221,10 +176,22 @@ class MoveSearch:
         """The best manoeuvre; where none keeps the deflection, that which exceeds it least."""
         return moves_from_unit(self._best, self._limits)
 
-    def run(self, evaluations: int, rng: np.random.Generator) -> None:
-        """Try so many manoeuvres, the first of them at random, the others from the best of those."""
+    @property
+    def allowed(self) -> list[Pairs]:
+        """How far the rivals lie apart on every manoeuvre drawn that keeps the deflection."""
+        return [pairs for _, pairs, deflection in self._drawn if deflection <= self._limits.deflection]
+
+    def explore(self, evaluations: int, rng: np.random.Generator) -> None:
+        """Draw the first of so many manoeuvres at random."""
         for i in range(max(1, int(_RANDOM * evaluations))):
-            self._loss(rng.random(NUMBERS * (1 + i % self._limits.moves)))
+            unit = rng.random(NUMBERS * (1 + i % self._limits.moves))
+            self._drawn.append((unit, *self._tried(unit)))
+
+    def improve(self, evaluations: int, laws: Laws, rng: np.random.Generator) -> None:
+        """Try the others of so many manoeuvres, from the best drawn, so that they tell laws apart."""
+        self._laws = laws
+        for unit, pairs, deflection in self._drawn:
+            self._judge(unit, pairs, deflection)
         left = evaluations - self.count
         # With fewer steps than corners a simplex finds less than single steps do.
         if left >= 2 * (self._best.size + 1):
@@ -232,17 +199,25 @@ class MoveSearch:
         else:
             self._steps(left, rng)
 
+    def _tried(self, unit: FloatArray) -> tuple[Pairs, float]:
+        self.count += 1
+        moves = moves_from_unit(unit, self._limits)
+        return self._trial.compare(moves) if moves else (Pairs.none(0), np.nan)
+
     def _loss(self, unit: FloatArray) -> float:
         """Try a manoeuvre: return a number that is the smaller, the better it is."""
-        self.count += 1
-        moves, merit, most = moves_from_unit(unit, self._limits), -2.0, self._limits.deflection
-        if moves:
-            distance, deflection = self._trial.compare(moves)
+        return -self._judge(unit, *self._tried(unit))
+
+    def _judge(self, unit: FloatArray, pairs: Pairs, deflection: float) -> float:
+        """Return the merit of a manoeuvre, and keep the best; one without a move has no deflection."""
+        merit, most = -2.0, self._limits.deflection
+        if not np.isnan(deflection):
             # Beyond the allowed deflection, the less the better.
-            merit = float(np.log1p(distance.chi2)) if deflection <= most else most / deflection - 1
+            keeps = deflection <= most
+            merit = float(np.log1p(pairs.nearest(self._laws).chi2)) if keeps else most / deflection - 1
         if merit > self.merit:
             self.merit, self._best = merit, unit.copy()
-        return -merit
+        return merit
 
     def _simplex(self, count: int) -> None:
         centre = self._best

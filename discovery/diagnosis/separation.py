@@ -2,9 +2,10 @@
 
 It is a course of the input. What has no input is let go from another place.
 
-Rivals fit the same recordings equally well. The manoeuvre maximises the chi-square by which the right one will win,
-see `discovery.diagnosis.rival_distance`, the smallest over all ordered pairs: optimal design for discrimination (Hunter
-and Reiner, Technometrics 7 (1965) 307).
+Rivals fit the same recordings equally well. Those between which nothing that is tried tells anything are one law here.
+The manoeuvre maximises the chi-square by which the right one will win, see `discovery.diagnosis.rival_pairs`, the
+smallest over all ordered pairs of different laws: optimal design for discrimination (Hunter and Reiner, Technometrics 7
+(1965) 307).
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from discovery.diagnosis.manoeuvre_design import (
     hub_drive,
     known_part,
 )
-from discovery.diagnosis.rival_distance import Distance, MoveSearch, Trial, distance_on_given
+from discovery.diagnosis.rival_distance import MoveSearch, Trial, pairs_on_given
+from discovery.diagnosis.rival_pairs import NOTHING, Distance, Laws, Pairs
 from discovery.estimation.fit import Fit
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
@@ -46,6 +48,7 @@ class Separation:
     """The manoeuvre that separates rivals."""
 
     rivals: tuple[str, ...]  # names of the rivals, physically simplest first
+    clusters: tuple[tuple[str, ...], ...]  # the same by law: those of one are told apart by nothing that was tried
     #: (r, r): see `similarity_matrix`, in the same order; NaN where a rival has no sensitivity of its own.
     similarities: FloatArray
     limits: MotorLimits  # what the input was allowed, in its unit
@@ -54,8 +57,9 @@ class Separation:
     #: (n, 2): time [s] and motor angle [rad] or another input, at the rate of the given recordings. Of a release: time
     #: and what each rival predicts.
     table: FloatArray
-    #: given, designed: of the nearest pair on the given recordings, where parameters are as free as they can be, and on
-    #: the manoeuvre; zero there where every manoeuvre that was tried exceeds the deflection that is allowed.
+    #: given, designed: of the nearest pair of different laws, or of all where there is one law. On the given
+    #: recordings, where parameters are as free as they can be, and on the manoeuvre; zero there where every manoeuvre
+    #: that was tried exceeds the deflection that is allowed.
     given: Distance
     designed: Distance
     deflection: float  # largest deflection that a rival predicts, as it is read
@@ -68,8 +72,8 @@ class Separation:
 
     @property
     def decides(self) -> bool:
-        """Whether the manoeuvre can be expected to tell the rivals apart."""
-        return self.designed.chi2 >= _DECIDES
+        """Whether the manoeuvre can be expected to tell the laws apart."""
+        return len(self.clusters) > 1 and self.designed.chi2 >= _DECIDES
 
     def csv(self) -> str:
         """Return the table as a CSV file, an arm's with the columns ``time_s, motor_angle_rad``."""
@@ -80,6 +84,7 @@ class Separation:
         """Return a JSON-ready description; of the table, what rivals predict of a release."""
         return {
             "rivals": list(self.rivals),
+            "clusters": [list(names) for names in self.clusters],
             "similarity": [[v if np.isfinite(v) else None for v in row] for row in self.similarities.tolist()],
             "limits": asdict(self.limits),
             "moves": [asdict(m) for m in self.moves],
@@ -94,6 +99,7 @@ class Separation:
             "evaluations": self.evaluations,
             "decides": self.decides,
             "decides_from": _DECIDES,
+            "same_below": NOTHING,
         }
 
 
@@ -156,26 +162,39 @@ def separate(rivals: Mapping[str, Fit], rng: np.random.Generator, *, evaluations
     trial = Trial(fits, limits.duration)
     # Wider limits are no reason to find less than without them.
     searches = [MoveSearch(trial, within) for within in dict.fromkeys((known_part(limits, shown), limits))]
-    for search in searches:
-        search.run(evaluations, rng)
+    sources = rng.spawn(len(searches))
+    for search, source in zip(searches, sources, strict=True):
+        search.explore(evaluations, source)
+    laws, given = _laws(fits, [pairs for search in searches for pairs in search.allowed])
+    for search, source in zip(searches, sources, strict=True):
+        search.improve(evaluations, laws, source)
     best = max(searches, key=lambda s: s.merit)
-    distance, deflection = trial.compare(best.moves)
-    if deflection > limits.deflection:
-        distance = Distance(0.0, 0.0, 0.0)
+    pairs, deflection = trial.compare(best.moves)
     return Separation(
         rivals=names,
+        clusters=laws.groups(names),
         similarities=similarity_matrix(fits),
         limits=limits,
         moves=best.moves,
         columns=("time_s", _input_column(experiments[0])),
         table=_course(trial, best.moves),
-        given=distance_on_given(fits),
-        designed=distance,
+        given=given,
+        designed=pairs.nearest(laws) if deflection <= limits.deflection else Distance(0.0, 0.0, 0.0),
         deflection=deflection,
         evaluations=sum(s.count for s in searches),
         unit=experiments[0].coordinate_unit,
         deflection_unit=experiments[0].deflection_unit,
     )
+
+
+def _laws(fits: Sequence[Fit], tried: Sequence[Pairs]) -> tuple[Laws, Distance]:
+    """Return which rivals are one law, by the given recordings and manoeuvres, and how far laws lie apart on those.
+
+    Without a manoeuvre that is allowed, nobody can say.
+    """
+    given = pairs_on_given(fits)
+    laws = Laws.of(len(fits), [given, *tried] if tried else [])
+    return laws, given.nearest(laws)
 
 
 def _in_order(rivals: Mapping[str, Fit]) -> tuple[tuple[str, ...], list[Fit]]:
@@ -219,17 +238,19 @@ def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
     places = [side * most * part for part in np.linspace(0.05, 1.0, _PLACES) for side in (1.0, -1.0)]
     compared = [(trial.compare((), place), place) for place in places]
     known = [found for found in compared if found[0][1] <= limits.deflection]
-    (distance, deflection), release = max(known or compared, key=lambda found: found[0][0].chi2)
+    laws, given = _laws(fits, [pairs for (pairs, _), _ in known])
+    (pairs, deflection), release = max(known or compared, key=lambda found: found[0][0].nearest(laws).chi2)
     predicted = trial.readings((), release) if np.isfinite(deflection) else np.empty((0, len(names)))
     return Separation(
         rivals=names,
+        clusters=laws.groups(names),
         similarities=similarity_matrix(fits),
         limits=limits,
         moves=(),
         columns=("time_s", *(f"{name}_{experiments[0].recording.units[0]}" for name in names)),
         table=np.column_stack([trial.time[: len(predicted)], predicted]),
-        given=distance_on_given(fits),
-        designed=distance if known else Distance(0.0, 0.0, 0.0),
+        given=given,
+        designed=pairs.nearest(laws) if known else Distance(0.0, 0.0, 0.0),
         deflection=deflection,
         evaluations=len(places),
         release=release,

@@ -104,11 +104,13 @@ class Course:
         self._tell = tell
         self._extended: Sized = ()
         self._most, self._began = 0, 0.0
+        self._done, self._took = 0, 0.0
 
     @contextmanager
     def searching(self, extended: Sized, most: int) -> Iterator[None]:
         """Tell beside every sentence how many sets, of so many at most, are extended; their collection grows."""
         self._extended, self._most, self._began = extended, most, time.monotonic()
+        self._done = 0
         try:
             yield
         finally:
@@ -120,7 +122,9 @@ class Course:
         if not (self._most and done):
             self._tell(sentence)
             return
-        each = (time.monotonic() - self._began) / done
+        if done > self._done:  # time that the next set has taken is none of these
+            self._done, self._took = done, time.monotonic() - self._began
+        each = self._took / done
         took = f", about {each:.0f} s each" if each >= 1 else ""
         self._tell(
             Progress(f"{sentence}; {done} of at most {self._most} sets are extended{took}", done=done, total=self._most)

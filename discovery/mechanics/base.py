@@ -182,6 +182,11 @@ class Base(ABC):
         """Whether the instrument reads the state itself."""
         return not self.reads
 
+    @property
+    def reads_pushed(self) -> bool:
+        """Whether the instrument reads the one coordinate there is, and a force without a place pushes on that."""
+        return self.reads_state
+
     def idle(self, q: NDArray, rate: NDArray, values: Mapping[str, float]) -> NDArray:
         """Return the input at which nothing pushes the body, in these states."""
         return 0.0 * q

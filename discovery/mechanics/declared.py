@@ -227,6 +227,13 @@ class DeclaredBase(Base):
         return found
 
     @property
+    def reads_pushed(self):
+        """Whether the output is the only coordinate, bar a factor, and the first place moves as that."""
+        q, _, _ = coordinates_of(type(self).n_coordinates)
+        first, _ = next(iter(self.equations.places.values()))
+        return len(q) == 1 and first == self.equations.output and bool((first / q[0]).is_number)
+
+    @property
     def is_pushed(self) -> bool:
         """Whether an input acts that is no motion."""
         return s.u in sp.Tuple(*self.mechanics().force).free_symbols

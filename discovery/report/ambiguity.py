@@ -7,7 +7,12 @@ from typing import Any
 
 from discovery.report.caution_sentences import caution_sentence
 from discovery.report.estimates import symbol_of
-from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence, stand_in_sentence
+from discovery.report.follow_up_sentences import (
+    contradiction_sentences,
+    laws_of,
+    separation_sentence,
+    stand_in_sentence,
+)
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
@@ -86,23 +91,36 @@ def separation_table(run: Run) -> Table | None:
         return None
     cells, raw = [], []
     for i, d in enumerate(designs):
-        pairs = [v for j, row in enumerate(d["similarity"]) for v in row[j + 1 :] if v is not None]
-        alike = max(pairs, default=None)
-        values = [alike, d["given"]["projected"], d["designed"]["projected"], d["designed"]["chi2"]]
-        cells.append([f"{i + 1}", listed(effect_name(e) for e in d["rivals"]), *(significant(v) for v in values)])
-        raw.append([i + 1, "; ".join(d["rivals"]), *values])
+        values = [_likeness(d), d["given"]["projected"], d["designed"]["projected"], d["designed"]["chi2"]]
+        laws = [" or ".join(map(effect_name, names)) for names in laws_of(d)]
+        cells.append([f"{i + 1}", "; ".join(laws), *(significant(v) for v in values)])
+        raw.append([i + 1, "; ".join(" = ".join(names) for names in laws_of(d)), *values])
     apart = ("apart, given", "apart, designed", "chi-square expected")
     head = ("manoeuvre", "rivals, simplest first", "similarity", *apart)
     keys = ("manoeuvre", "rivals", "similarity", "given_projected", "designed_projected", "designed_chi2")
     caption = (
-        "Effects that these recordings cannot tell apart. Similarity: largest cosine between sensitivities of their "
-        "fits. Apart: rms difference of their predictions that readjusted parameters cannot absorb [noise sds]. "
+        "Effects that these recordings cannot tell apart; “or” joins those that are one law here, numbers are "
+        "between laws. Similarity: largest cosine between sensitivities of their fits. Apart: rms difference of their "
+        "predictions that readjusted parameters cannot absorb [noise sds]. "
         f"Expected: chi-square by which the right one will win once the designed manoeuvre is recorded; below "
         f"{designs[0]['decides_from']:g} it may be chance, and no manoeuvre within the limits decides."
     )
     if files := [f"manoeuvre_{i}.csv" for i, d in enumerate(designs, 1) if d["decides"]]:
         caption += f" The course, or what is predicted after a release, is in {listed(files)}."
     return Table("separation", caption, head, cells, keys, raw, text=(0, 1))
+
+
+def _likeness(design: Mapping[str, Any]) -> float | None:
+    """Return the largest similarity between rivals of different laws, or of one where there is no other."""
+    law = {name: i for i, names in enumerate(laws_of(design)) for name in names}
+    labels = [law[name] for name in design["rivals"]]
+    pairs = [
+        value
+        for i, row in enumerate(design["similarity"])
+        for j, value in enumerate(row[:i])
+        if value is not None and (labels[i] != labels[j] or len(laws_of(design)) == 1)
+    ]
+    return max(pairs, default=None)
 
 
 def input_of(design: Mapping[str, Any]) -> tuple[str, str]:

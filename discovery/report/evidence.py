@@ -12,7 +12,7 @@ from discovery.report.model_error_sentences import share_words
 from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
 from discovery.report.sentences import chances, probability_words
-from discovery.report.story import fate, searches
+from discovery.report.story import blows_up, fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose
 
@@ -138,8 +138,9 @@ def ranking_table(run: Run) -> Table | None:
             if outcome == "added":
                 outcome += fate(run, c["effects"])
             raw.append([i, "; ".join(c["effects"]), outcome, *(c[k] for k in keys)])
-            if place < _BEST or outcome:
-                numbers = [significant(c[k]) for k in ("train", "held", "size", "model_error")]
+            if place < _BEST or search.kind(c["effects"]) != "other":
+                told = (None if blows_up(c) else c[k] for k in ("train", "held", "size", "model_error"))
+                numbers = [significant(v) for v in told]
                 cells.append([f"{i}", listed(map(effect_name, c["effects"])), outcome, *numbers, f"{c['parameters']}"])
     if not cells:
         return None

@@ -8,6 +8,7 @@ from typing import Any
 
 from discovery.diagnosis.manoeuvre_design import Move
 from discovery.foundation.estimate_text import decimals, estimate_text, figures
+from discovery.report.numbers import listed
 
 Record = Mapping[str, Any]
 #: A value so many standard deviations from its prediction agrees with it.
@@ -50,18 +51,49 @@ def _nearest(tried: Sequence[Record]) -> str:
     return f"; the nearest is {best['id']}, {figures(-best['odds'], 2)} nats less likely than an error of the rig file"
 
 
+def laws_of(found: Record) -> list[list[str]]:
+    """Return the rivals of loop.json by law; results of old do not say which are one."""
+    return found["clusters"] if "clusters" in found else [[name] for name in found["rivals"]]
+
+
+def laws_apart(found: Record) -> list[str]:
+    """Return one rival of each law that a designed manoeuvre of loop.json is to tell apart, the simplest."""
+    return [names[0] for names in laws_of(found)]
+
+
 def separation_sentence(found: Record) -> str:
-    """Return what a designed manoeuvre of loop.json promises."""
-    rivals, designed, most = ", ".join(found["rivals"]), found["designed"], found["limits"]
-    if found["decides"]:
-        given, then = found["given"]["projected"], designed["projected"]
-        hidden = ", where the model error that is left hides it" if given > _SEEN else ""
-        return (
-            f"To tell {rivals} apart: {_what_to_do(found)}. With their parameters readjusted, the predictions then "
-            f"differ by {figures(then, 2)} noise sds rms ({figures(given, 2)} on the given recordings{hidden}), and "
-            f"the right one is expected to win by a chi-square of {figures(designed['chi2'])}, the best of "
-            f"{found['evaluations']} manoeuvres tried."
-        )
+    """Return which rivals of loop.json are one law, and what the manoeuvre that is designed for the others promises.
+
+    Examples
+    --------
+    >>> separation_sentence({"clusters": [["equilibrium_offset", "angle_offset"]]})
+    'Here equilibrium_offset and angle_offset are the same law: no recording within the safe limits tells them apart.'
+    """
+    said = [
+        f"Here {listed(names)} are the same law: no recording within the safe limits tells them apart."
+        for names in laws_of(found)
+        if len(names) > 1
+    ]
+    if len(laws_of(found)) > 1:
+        said.append(_promise(found) if found["decides"] else _undecided(found))
+    return " ".join(said)
+
+
+def _promise(found: Record) -> str:
+    """Return what to do to tell laws apart, and what it promises."""
+    given, designed = found["given"]["projected"], found["designed"]
+    hidden = ", where the model error that is left hides it" if given > _SEEN else ""
+    return (
+        f"To tell {', '.join(laws_apart(found))} apart: {_what_to_do(found)}. With their parameters readjusted, the "
+        f"predictions then differ by {figures(designed['projected'], 2)} noise sds rms ({figures(given, 2)} on the "
+        f"given recordings{hidden}), and the right one is expected to win by a chi-square of "
+        f"{figures(designed['chi2'])}, the best of {found['evaluations']} manoeuvres tried."
+    )
+
+
+def _undecided(found: Record) -> str:
+    """Return that no manoeuvre tells laws apart, how far the best goes, and what would help."""
+    designed, most = found["designed"], found["limits"]
     arm = found["columns"][1] == "motor_angle_rad"
     if found["deflection"] <= most["deflection"]:
         won = f"{figures(designed['chi2'], 2)}, and less than {found['decides_from']:g} may be chance"
@@ -85,8 +117,8 @@ def separation_sentence(found: Record) -> str:
         limits = f"{most['duration']:.3g} s, output up to {reach}, as it was recorded"
         help_ = "An instrument with less noise would help, or larger motions, if they are safe."
     return (
-        f"No manoeuvre within the safe limits ({limits}) tells {rivals} apart: of {found['evaluations']} tried, "
-        f"{best}. {help_}"
+        f"No manoeuvre within the safe limits ({limits}) tells {', '.join(laws_apart(found))} apart: of "
+        f"{found['evaluations']} tried, {best}. {help_}"
     )
 
 

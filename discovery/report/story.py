@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -48,11 +49,24 @@ class Search:
         return "tied" if behind < LoopSettings.nats else "other"
 
     def outcome(self, effects: Sequence[str]) -> str:
-        """Return what became of a candidate in two or three words; empty where it was not tried."""
+        """Return what became of a candidate in a few words; empty where it was not tried and does not blow up."""
         kind = self.kind(effects)
         if kind == "refused":
             return OUTCOMES[self.refused[tuple(effects)]]
+        if any(blows_up(c) for c in self.candidates if tuple(c["effects"]) == tuple(effects)):
+            return OUTCOMES["finite"]
         return {"added": "added", "tied": "as likely"}.get(kind, "")
+
+
+def blows_up(candidate: Mapping[str, Any]) -> bool:
+    """Return whether the motion of a candidate blows up in training or held out: it has no evidence there.
+
+    Examples
+    --------
+    >>> blows_up({"train": -math.inf, "held": 0.0}), blows_up({"train": -40.0, "held": 2.0})
+    (True, False)
+    """
+    return min(candidate["train"], candidate["held"]) == -math.inf
 
 
 def searches(run: Run) -> list[Search]:

@@ -232,9 +232,11 @@ def unexplained(result: LoopResult, dataset: Dataset, *, progress: Tell = silent
     """Return the force that the final model lacks; None where it is complete, or the file is in doubt."""
     if result.complete or result.impossible:
         return None
-    mechanics = result.after.model.mechanics
-    if not mechanics.reads_state or mechanics.places():
-        progress("no missing force: it is reconstructed where the instrument reads the only coordinate there is")
+    if not result.after.model.mechanics.reads_pushed:
+        progress(
+            "no missing force: it is reconstructed where the output is itself the coordinate that a force moves, and "
+            "the only one"
+        )
         return None
     progress("reconstructing the missing force")
     try:

@@ -9,6 +9,7 @@ import numpy as np
 
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
 from discovery.report.ambiguity import input_of
+from discovery.report.follow_up_sentences import laws_apart
 from discovery.report.results import Run
 from discovery.report.style import BLUE, GREEN, ORANGE, Picture, label, new_figure
 from discovery.report.words import effect_name, listed
@@ -36,7 +37,7 @@ def _course(number: int, design: Mapping[str, Any]) -> Picture:
     name, unit = input_of(design)
     axes.set_xlabel("time [s]")
     axes.set_ylabel(label(name, unit))
-    rivals = listed(effect_name(e) for e in design["rivals"])
+    rivals = listed(map(effect_name, laws_apart(design)))
     return Picture(
         f"manoeuvre_{number}",
         figure,
@@ -47,9 +48,11 @@ def _course(number: int, design: Mapping[str, Any]) -> Picture:
 
 
 def _release(number: int, design: Mapping[str, Any]) -> Picture:
-    """Draw what each rival predicts after a release, and below it how far the others lie from the first."""
-    time, *predicted = np.array(design["predicted"]).T
-    names = [effect_name(name) for name in design["rivals"]][: len(predicted)]
+    """Draw what each law predicts after a release, and below it how far the others lie from the first."""
+    time, *every = np.array(design["predicted"]).T
+    own = dict(zip(design["rivals"], every, strict=True))
+    shown = laws_apart(design)
+    names, predicted = [*map(effect_name, shown)], [own[name] for name in shown]
     rows = 1 if sum(len(name) + 4 for name in names) <= _ROW else len(names)
     figure = new_figure(2.8 + 0.2 * rows)
     above, below = figure.subplots(2, sharex=True)
@@ -61,8 +64,7 @@ def _release(number: int, design: Mapping[str, Any]) -> Picture:
     above.set_ylabel(label("reading", design["unit"]))
     below.set_ylabel(label("apart", design["unit"]))
     below.set_xlabel("time [s]")
-    rivals = listed(effect_name(e) for e in design["rivals"])
-    place = f"{design['release']:.3g} {design['unit']}"
+    rivals, place = listed(names), f"{design['release']:.3g} {design['unit']}"
     return Picture(
         f"manoeuvre_{number}",
         figure,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from discovery.report.figures.nats import LOSS, bar, nats_axis
 from discovery.report.results import Run
-from discovery.report.story import Search, fate, named, searches
+from discovery.report.story import Search, blows_up, fate, named, searches
 from discovery.report.style import BLUE, MARK, RED, SKY, Picture, new_figure
 from discovery.report.words import effect_name, listed
 
@@ -33,7 +33,8 @@ def _ranking(run: Run, search: Search, position: int) -> Picture:
     shown = search.candidates[:_MOST]
     figure = new_figure(0.42 * len(shown) + 1.45)
     axes = figure.subplots()
-    nats_axis(axes, (c[k] for c in shown for k in ("train", "held")))
+    gains = [c[k] for c in shown if not blows_up(c) for k in ("train", "held")]
+    nats_axis(axes, gains)
     labels, seen = [], []
     for row, c in enumerate(shown):
         kind, outcome = search.kind(c["effects"]), search.outcome(c["effects"])
@@ -41,8 +42,9 @@ def _ranking(run: Run, search: Search, position: int) -> Picture:
             outcome = "in the final model"
         colour = _KINDS[kind][0]
         seen.append(kind)
-        bar(axes, row - 0.18, c["train"], colour)
-        bar(axes, row + 0.18, c["held"], colour, held=True)
+        if not blows_up(c):
+            bar(axes, row - 0.18, c["train"], colour)
+            bar(axes, row + 0.18, c["held"], colour, held=True)
         name = " +\n".join(map(effect_name, c["effects"]))
         labels.append(f"{name}\n({outcome})" if outcome else name)
     axes.set_yticks(range(len(shown)), labels)
@@ -50,8 +52,8 @@ def _ranking(run: Run, search: Search, position: int) -> Picture:
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("log evidence gained [nats]")
     _legend(figure, seen)
-    left = any((c[k] or 0.0) < LOSS for c in shown for k in ("train", "held"))
-    return _picture(search, position, figure, len(shown), end=fate(run, search.taken), beyond=left)
+    beyond = any(v < LOSS for v in gains)
+    return _picture(search, position, figure, len(shown), end=fate(run, search.taken), beyond=beyond)
 
 
 def _legend(figure: Figure, seen: list[str]) -> None:
