@@ -15,9 +15,15 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
-#: What takes longest begins first: no worker is left waiting for another at the end. Of two that begin together, each
-#: compiles other simulators; what comes after them finds these, and the browser the pages that the report has drawn.
-LONGEST = ("loop", "effects", "report", "export", "cli", "simulate", "pipeline", "search", "browser")
+#: What takes longest begins first, by the CPU time of each file: no worker is left waiting for another at the end. Of
+#: two that begin together, each compiles other simulators; what comes after them finds these, and the browser the
+#: pages that the report has drawn.
+LONGEST = (
+    *("loop", "effects", "pipeline", "export", "cli", "report", "search", "separation", "simulate", "rod_effects"),
+    *("browser", "sindy", "reproduction", "corpus", "twin", "coupling", "contradiction", "blind", "general_model"),
+    *("mechanics", "export_c", "ensembles", "rough", "run_kinds", "docs", "security", "examples", "memory_effects"),
+    *("faults", "resolved", "posterior", "latent_force", "first_fit", "declared_systems", "failed_fit"),
+)
 LONG = [f"test_{name}.py" for name in LONGEST]
 
 

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from numba import njit
 
 from discovery.foundation import disk_cache
-from discovery.foundation.compiled_function import compiled
+from discovery.foundation.compiled_function import compiled, text_hash
 from discovery.foundation.errors import InputError
 from discovery.foundation.locks import file_lock, folder_lock
 
@@ -92,6 +93,39 @@ def test_what_is_damaged_is_made_again(folder: Path, damage: str) -> None:
     # Then it is whole again.
     assert made() == ([7], False)
     assert called() == (9.0, 0)
+
+
+HALF = 0.5
+
+
+@njit
+def halved(x):
+    return HALF * x
+
+
+@njit(error_model="numpy")
+def shifted(x):
+    return halved(x) + 1.0
+
+
+def test_what_is_compiled_depends_on_what_it_names_and_on_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    @njit(error_model="numpy")
+    def another(x):
+        return halved(x) + 1.0
+
+    module, first = sys.modules[__name__], text_hash(shifted)
+    assert text_hash(another) != first
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "HALF", 0.25)
+        assert text_hash(shifted) != first
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "halved", another)
+        assert text_hash(shifted) != first
+    with monkeypatch.context() as patch:
+        patch.setitem(shifted.targetoptions, "error_model", "python")
+        assert text_hash(shifted) != first
+    monkeypatch.setattr(module, "DAMAGES", {})
+    assert text_hash(shifted) == first
 
 
 def test_nothing_that_is_executed_lies_beside_the_source(folder: Path) -> None:

@@ -12,7 +12,7 @@ from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 from numba.core.dispatcher import Dispatcher
 
 import discovery
-from discovery.simulation.kernel.compile import compile_kernel
+from discovery.simulation.kernel.compile import ROOMS, compile_kernel
 
 CONTRACTS = Path(__file__).parents[1] / ".importlinter"
 
@@ -99,3 +99,9 @@ def test_compiled_code_calls_inlined_functions_only() -> None:
         found |= {f.py_func.__name__: f.targetoptions.get("forceinline") for f in named if isinstance(f, Dispatcher)}
     assert {"_read_late", "_transition", "_log_cell", "_product"} < found.keys()
     assert [name for name, inlined in found.items() if not inlined] == []
+
+
+def test_the_text_of_a_kernel_follows_from_the_rooms_of_its_key() -> None:
+    # Effects are found by name, so no module imports them.
+    found = {m.split(".")[1] for m in graph().find_upstream_modules("discovery.simulation.kernel.compile") if "." in m}
+    assert found | {"effects"} == {*ROOMS}

@@ -23,6 +23,7 @@ from discovery.declarations.parameters import HalfStudent, Parameter
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
+from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.predict import equilibrium
@@ -33,6 +34,7 @@ from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Quantity, Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
+from discovery.testing.states import every_effect
 from discovery.theory.coupling import Arm
 
 PLAIN = ("viscous_damping", "linear_stiffness")
@@ -74,9 +76,12 @@ def truth(effect: str, value: float) -> np.ndarray:
     return np.column_stack([found.reading_x, found.reading_y])
 
 
-def simulated(base: str, effects: tuple[str, ...], start: float = 0.0, **values: float) -> np.ndarray:
-    sim = Simulator(base, (*PLAIN, *effects), TIME, exact_drive(MANOEUVRE, TIME[-1]), step=0.004)
-    numbers = {**NUMBERS, **values}
+def simulated(base: str, start: float = 0.0, **values: float) -> np.ndarray:
+    """Tip of an arm on the simulator of every effect, which other tests have compiled: the others are absent."""
+    effects = every_effect(base)
+    sim = Simulator(base, effects, TIME, exact_drive(MANOEUVRE, TIME[-1]), step=0.004)
+    absent = {n: p.default for n, p in Model(base, effects).parameters.items()}
+    numbers = {**absent, **NUMBERS, **values}
     return sim(np.array([[numbers[n]] for n in sim.names]), np.array([start]), np.zeros(1))[:, :, 0]
 
 
@@ -87,9 +92,9 @@ def mean_distance(first: np.ndarray, second: np.ndarray) -> float:
 @pytest.mark.parametrize(("effect", "value"), CASES)
 def test_the_exact_arm_with_an_effect_moves_like_the_twin(effect: str, value: float) -> None:
     start = value / 2 if effect == "initial_curvature" else 0.0
-    with_effect = simulated("elastica", (effect,), start, **{only(effect): value})
+    with_effect = simulated("elastica", start, **{only(effect): value})
     assert mean_distance(with_effect, truth(effect, value)) < 5e-5
-    assert mean_distance(simulated("elastica", ()), truth(effect, value)) > 4e-3
+    assert mean_distance(simulated("elastica"), truth(effect, value)) > 4e-3
 
 
 @pytest.mark.parametrize(
@@ -98,8 +103,8 @@ def test_the_exact_arm_with_an_effect_moves_like_the_twin(effect: str, value: fl
 def test_a_base_of_one_coordinate_follows_its_effect(effect: str, value: float) -> None:
     # The mechanics of the base itself leave several millimetres.
     start = value / 2 if effect == "initial_curvature" else 0.0
-    with_effect = mean_distance(simulated("reduced", (effect,), start, **{only(effect): value}), truth(effect, value))
-    assert with_effect < 0.2 * mean_distance(simulated("reduced", ()), truth(effect, value))
+    with_effect = mean_distance(simulated("reduced", start, **{only(effect): value}), truth(effect, value))
+    assert with_effect < 0.2 * mean_distance(simulated("reduced"), truth(effect, value))
 
 
 @pytest.mark.parametrize(("effect", "true"), [CASES[0], CASES[2], CASES[4], CASES[5]])
@@ -111,10 +116,13 @@ def test_a_noisy_recording_gives_the_parameter_back(effect: str, true: float) ->
     recording = Recording("twin", TIME, drive.evaluate(TIME)[0], tip, *channels, "", "")
     experiment = Experiment(recording, drive, Rig("twin", length=Quantity(LENGTH, 0.0)))
     name, model = only(effect), Model("elastica", PLAIN, {"length": LENGTH, "mu": MU, "tau_r": 0.0})
-    without = fit(model, [experiment], start={"alpha": 0.98 * ALPHA, "xi": 0.04})
+    bench = Bench(model.base, every_effect(model.base), [experiment], 0.004)
+    without = fit(model, [experiment], start={"alpha": 0.98 * ALPHA, "xi": 0.04}, bench=bench)
     # The ringing of a rod whose end carries an inertia has a minimum for every beat: the best of all declared starts.
     starts = get_effect(effect).parameters()[0].starts
-    fits = [fit(model.with_effect(effect), [experiment], start={**without.values, name: value}) for value in starts]
+    fits = [
+        fit(model.with_effect(effect), [experiment], start={**without.values, name: v}, bench=bench) for v in starts
+    ]
     found = min(fits, key=lambda f: f.minimum.cost)
     assert abs(found.values[name] - true) < 3 * found.sd[name], (found.values[name], found.sd[name])
     assert found.sd[name] < 0.06 * true

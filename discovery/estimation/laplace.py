@@ -7,11 +7,14 @@ Algorithms, 2003, chapter 27).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf
 from scipy.optimize import lsq_linear
 
 from discovery.declarations.parameters import Flat, HalfStudent, LogNormal
@@ -88,9 +91,12 @@ def mode_of(gram: FloatArray, logarithms: float, count: int, prior: Prior) -> Mo
 def _at_noise(gram: FloatArray, logarithms: float, count: int, prior: Prior, white: float) -> tuple[Mode, float]:
     """Return the mode for one size of the noise, and the quadratic form of the residual that it leaves."""
     p, gram = len(gram) - 1, gram / white**2
-    precision, scaled, push, size, determinant = _normal(gram, prior.precision, prior.pull, prior.mean)
+    precision, scaled, push, size = _normal(gram, prior.precision, prior.pull, prior.mean)
+    if not np.isfinite(scaled).all():
+        raise np.linalg.LinAlgError("a quadratic form is not finite")
+    triangles = dgetrf(scaled)[0] if p > 0 else scaled
     step = bounded_step(scaled, push, prior.low / size, prior.high / size, ~prior.frozen) * size
-    left, pulled, stayed = _forms(gram, prior.pull, prior.mean, step)
+    left, pulled, stayed, determinant = _forms(gram, prior.pull, prior.mean, step, triangles, size)
     constant = logarithms + count * (_LOG_2PI + 2 * np.log(white)) - p * _LOG_2PI
     # Half-Cauchy prior of what exceeds the stated noise.
     exceeds = -float(np.log1p(((white - 1.0) / _NOISE_SCALE) ** 2))
@@ -116,44 +122,62 @@ def bounded_step(
     return step
 
 
-@compiled(nogil=True, error_model="numpy")
-def _normal(gram, known, pull, mean):
-    # Precision of a posterior, the same and its push for parameters of size one, these sizes, and log determinant.
-    p = len(gram) - 1
-    precision, scaled, push = np.empty((p, p)), np.empty((p, p)), np.empty(p)
-    for i in range(p):
-        for j in range(p):
-            precision[i, j] = gram[i, j] + known[i, j]
-    size = 1.0 / np.sqrt(np.diag(precision))
-    for i in range(p):
-        for j in range(p):
-            scaled[i, j] = precision[i, j] * (size[i] * size[j])
-        push[i] = (gram[i, p] - np.sum(pull[i] * mean)) * size[i]
-    determinant = np.linalg.slogdet(scaled)[1] - 2.0 * np.sum(np.log(size)) if p > 0 else 0.0
-    return precision, scaled, push, size, determinant
-
-
-@compiled(nogil=True, error_model="numpy")
-def _free_step(matrix, push, free):
-    where, step = np.flatnonzero(free), np.zeros(len(push))
-    own = np.empty((len(where), len(where)))
-    for i in range(len(where)):
-        own[i] = matrix[where[i]][where]
-    if len(where) > 0:
-        step[where] = -np.linalg.lstsq(own, push[where], _BLIND)[0]
+def _free_step(matrix: FloatArray, push: FloatArray, free: BoolArray) -> FloatArray:
+    """Return the shortest step that minimises a quadratic form, of which some parameters are free."""
+    where, step = np.flatnonzero(free), np.zeros(push.size)
+    if where.size == 0:
+        return step
+    found, *_, failed = dgelsd(matrix[where][:, where], push[where], *_workspace(where.size), cond=_BLIND)
+    if failed:
+        raise np.linalg.LinAlgError("a quadratic form could not be taken apart")
+    step[where] = -found
     return step
 
 
+@cache
+def _workspace(n: int) -> tuple[int, int]:
+    """Return how much memory the least-squares solver asks for to be at its fastest."""
+    size, whole, _ = dgelsd_lwork(n, n, 1, cond=_BLIND)
+    return int(size), int(whole)
+
+
 @compiled(nogil=True, error_model="numpy")
-def _forms(gram, pull, mean, step):
-    # Quadratic forms of the residual that a step leaves, and of how far the step, and none, is from the prior's mean.
+def _normal(gram, known, pull, mean):
+    # Precision of a posterior, the same and its push for parameters of size one, and these sizes.
+    p = len(mean)
+    precision, scaled, push, size = np.empty((p, p)), np.empty((p, p)), np.empty(p), np.empty(p)
+    for i in range(p):
+        for j in range(p):
+            precision[i, j] = gram[i, j] + known[i, j]
+        size[i] = 1.0 / math.sqrt(precision[i, i])
+    for i in range(p):
+        pulled = 0.0
+        for j in range(p):
+            scaled[i, j] = precision[i, j] * (size[i] * size[j])
+            pulled += pull[i, j] * mean[j]
+        push[i] = (gram[i, p] - pulled) * size[i]
+    return precision, scaled, push, size
+
+
+@compiled(nogil=True, error_model="numpy")
+def _forms(gram, pull, mean, step, triangles, size):
+    # Quadratic forms of the residual that a step leaves, and of how far the step, and none, is from the prior's mean;
+    # logarithm of the determinant of what was taken apart into triangles, for parameters of their own sizes.
     p = len(step)
     left, pulled, stayed = gram[p, p], 0.0, 0.0
+    determinant, sizes = 0.0, 0.0
     for i in range(p):
-        left += 2.0 * step[i] * gram[i, p] + step[i] * np.sum(gram[i, :p] * step)
-        pulled += (step[i] - mean[i]) * np.sum(pull[i] * (step - mean))
-        stayed += mean[i] * np.sum(pull[i] * mean)
-    return left, pulled, stayed
+        ahead, moved, rested = 0.0, 0.0, 0.0
+        for j in range(p):
+            ahead += gram[i, j] * step[j]
+            moved += pull[i, j] * (step[j] - mean[j])
+            rested += pull[i, j] * mean[j]
+        left += 2.0 * step[i] * gram[i, p] + step[i] * ahead
+        pulled += (step[i] - mean[i]) * moved
+        stayed += mean[i] * rested
+        determinant += math.log(abs(triangles[i, i]))
+        sizes += math.log(size[i])
+    return left, pulled, stayed, determinant - 2.0 * sizes
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import cached_property
+from inspect import getclosurevars, getsource
+from types import ModuleType
 from typing import Any
 
 import numba
@@ -25,10 +29,33 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 def keep_compiled(dispatcher: Any, stamp: str | None = None) -> Any:
     """Keep on disk what the compiler makes of a function from ``numba.njit``, and return the function.
 
-    The stamp is a hash of everything that is compiled; that of the whole package by default.
+    The stamp is a hash of everything that is compiled; by default that of the function's text, and of what it names.
     """
-    dispatcher._cache = _Kept(dispatcher.py_func, stamp)
+    dispatcher._cache = _Kept(dispatcher, stamp)
     return dispatcher
+
+
+def text_hash(dispatcher: Any) -> str:
+    """Return a hash of the text of a function from ``numba.njit``, of what it names, and of what compiles it.
+
+    An edit of anything else leaves what is kept of it.
+    """
+    return hashlib.sha256("\n".join([disk_cache.compiler_versions(), *_texts(dispatcher, set())]).encode()).hexdigest()
+
+
+def _texts(dispatcher: Any, known: set[Any]) -> Iterator[str]:
+    """Yield how a function is compiled, its text, and what its names stand for."""
+    known.add(dispatcher)
+    function, options = dispatcher.py_func, dispatcher.targetoptions
+    yield repr([(k, sorted(v) if isinstance(v, set) else v) for k, v in sorted(options.items())])
+    yield getsource(function)
+    named = getclosurevars(function)
+    for name, value in sorted({**named.globals, **named.nonlocals}.items()):
+        if not hasattr(value, "py_func"):
+            # A library is that of its version.
+            yield f"{name} = {value.__name__ if isinstance(value, ModuleType) else value!r}"
+        elif value not in known:
+            yield from _texts(value, known)
 
 
 class _Kept(caching._Cache):
@@ -38,9 +65,13 @@ class _Kept(caching._Cache):
     lies there, and damage to it is a traceback.
     """
 
-    def __init__(self, function: Callable[..., Any], stamp: str | None) -> None:
-        self._function, self._stamp = function, stamp
+    def __init__(self, dispatcher: Any, stamp: str | None) -> None:
+        self._dispatcher, self._given = dispatcher, stamp
         self._enabled, self._turn = True, ExitStack()
+
+    @cached_property
+    def _stamp(self) -> str:
+        return self._given or text_hash(self._dispatcher)
 
     @property
     def cache_path(self) -> str | None:
@@ -58,8 +89,9 @@ class _Kept(caching._Cache):
 
     def _key(self, signature: Any, codegen: Any) -> str:
         """Return everything that the machine code depends on: source, types and processor."""
-        name = f"{self._function.__module__}.{self._function.__qualname__}"
-        return repr((name, self._stamp or disk_cache.source_hash(), str(signature), codegen.magic_tuple()))
+        function = self._dispatcher.py_func
+        name = f"{function.__module__}.{function.__qualname__}"
+        return repr((name, self._stamp, str(signature), codegen.magic_tuple()))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         # One that failed to compile has not given its turn back.

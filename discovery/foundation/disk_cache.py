@@ -155,10 +155,10 @@ def compiler_versions() -> str:
 
 
 @cache
-def source_hash() -> str:
-    """Return a hash of the source of this package and of `compiler_versions`."""
+def source_hash(*rooms: str) -> str:
+    """Return a hash of the source of some packages of this one, by name, and of `compiler_versions`."""
     found = hashlib.sha256(compiler_versions().encode())
     folder = Path(__file__).parents[1]
-    for path in sorted(p for p in folder.rglob("*") if p.suffix in {".py", ".txt"}):
+    for path in sorted(p for room in rooms for p in (folder / room).rglob("*") if p.suffix in {".py", ".txt"}):
         found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
     return found.hexdigest()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import sympy as sp
 
 from discovery.declarations import symbols as s
@@ -29,6 +31,12 @@ def rod_coupling(mu: sp.Expr) -> sp.Expr:
 def rod_inertia(mu: sp.Expr) -> sp.Expr:
     """Return C = 8 mu / (3 (140 + 33 mu)), the inertia of the rod's turn with the hub while its tip rests."""
     return 8 * mu / (3 * (140 + 33 * mu))
+
+
+@lru_cache(maxsize=64)
+def _derived(arm: Reduced, rod: Rod) -> Mechanics:
+    """Derive the mathematics of an arm once: it is the same with all effects that leave the rod as it is."""
+    return arm.derive(rod)
 
 
 class Reduced(ArmBase):
@@ -61,6 +69,10 @@ class Reduced(ArmBase):
 
     def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
         """Return the mathematics."""
+        return _derived(self, rod)
+
+    def derive(self, rod: Rod) -> Mechanics:
+        """Return the mathematics, derived anew."""
         delta, delta_dot = _THETA - s.theta_m, _OMEGA - s.omega_m
         rho = self._radius(rod)
         slope = sp.diff(rho, _THETA)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy as sp
 
@@ -28,6 +29,17 @@ class ThirdOrder:
     #: By how much the tip is ahead of the mean slope [rad], third order, :math:`e^3/105` for a straight rod. Bending
     #: that is smaller by this much reaches the same angle, so the energy falls by e times it.
     ahead: sp.Expr
+
+
+@lru_cache(maxsize=64)
+def _third_order(rest: sp.Expr) -> ThirdOrder:
+    """Integrate once: effects that leave the rod as it is share its geometry."""
+    bend = sp.Symbol("e", real=True)
+    slope = rest + sp.Rational(3, 2) * bend * (2 * arc - arc**2)
+    first, second, third = (sp.integrate(sp.expand(slope**k), (arc, 0, 1)) for k in (1, 2, 3))
+    # x = 1 - <slope^2>/2 and y = <slope> - <slope^3>/6 give radius and angle of the tip.
+    shortening = sp.expand(second / 2 - first**2 / 2)
+    return ThirdOrder(bend, shortening, sp.expand(first * second / 2 - third / 6 - first**3 / 3))
 
 
 @dataclass(frozen=True)
@@ -50,12 +62,7 @@ class Rod:
     @property
     def third_order(self) -> ThirdOrder:
         r"""Geometry of the bent rod, with the static shape :math:`\theta_0 + \tfrac32 e\,(2 s - s^2)`."""
-        bend = sp.Symbol("e", real=True)
-        slope = self.rest + sp.Rational(3, 2) * bend * (2 * arc - arc**2)
-        first, second, third = (sp.integrate(sp.expand(slope**k), (arc, 0, 1)) for k in (1, 2, 3))
-        # x = 1 - <slope^2>/2 and y = <slope> - <slope^3>/6 give radius and angle of the tip.
-        shortening = sp.expand(second / 2 - first**2 / 2)
-        return ThirdOrder(bend, shortening, sp.expand(first * second / 2 - third / 6 - first**3 / 3))
+        return _third_order(self.rest)
 
 
 STRAIGHT = Rod()

@@ -32,7 +32,8 @@ class EffectContract(DeclarationContract, MechanicsContract):
         if "base" not in metafunc.fixturenames and "effect" in metafunc.fixturenames:
             metafunc.parametrize("effect", ids)
             return
-        cases = [(e, b) for b in (self.bases or base_names()) for e in ids if e in every_effect(b)]
+        offered = {b: every_effect(b) for b in self.bases or base_names()}
+        cases = [(e, b) for b, effects in offered.items() for e in ids if e in effects]
         if "effect" in metafunc.fixturenames:
             metafunc.parametrize(("effect", "base"), cases, ids=[f"{e}-{b}" for e, b in cases])
         elif "base" in metafunc.fixturenames:

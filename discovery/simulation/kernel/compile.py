@@ -37,6 +37,8 @@ from discovery.simulation.runge_kutta import CLASSICAL, Method, dormand_prince
 _LOADING = threading.Lock()
 #: Begin of the names of generated modules.
 _GENERATED = "discovery_kernel_"
+#: What the text of a kernel follows from: an edit elsewhere leaves what is kept.
+ROOMS = ("declarations", "effects", "equations", "foundation", "mechanics", "simulation")
 #: What is called where a kernel begins and ends to be compiled.
 _LISTENING: list[tuple[Callable[[], object], Callable[[], object]]] = []
 
@@ -133,7 +135,7 @@ def _kept(base_name: str, effect_ids: tuple[str, ...], method: Method) -> tuple[
     if any(not type(get_effect(e)).__module__.startswith("discovery.") for e in effect_ids):
         # What effects of other packages follow from is not known.
         return _written(base_name, effect_ids, method)
-    key = repr(("kernel", base_name, effect_ids, method, source_hash()))
+    key = repr(("kernel", base_name, effect_ids, method, source_hash(*ROOMS)))
     return kept(key, lambda: _written(base_name, effect_ids, method))
 
 
