@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from discovery.estimation.declared import declared_model
+from discovery.estimation.declared import declared_model, first_fit
 from discovery.estimation.fit import fit
 from discovery.estimation.holdout import held_out
+from discovery.estimation.natural_units import natural_units
 from discovery.export.fitted import FittedModel
+from discovery.export.source import to_numpy
 from discovery.mechanics import get_base
 from discovery.recordings.dataset import Dataset, load_dataset
 
@@ -93,9 +96,18 @@ def test_a_recording_that_judges_has_a_start_of_its_own(beats: Dataset) -> None:
     assert np.sqrt(np.mean(error**2)) < 1.1 * NOISE
 
 
-def test_what_is_taken_along_begins_at_rest_there(beats: Dataset) -> None:
-    taken = FittedModel.from_fit(fit(declared_model(beats), beats.train))
-    assert taken.values["right_start"] == taken.values["right_rate_start"] == 0.0
+def test_what_is_taken_along_moves_as_the_fit(beats: Dataset, tmp_path: Path) -> None:
+    found = fit(declared_model(beats), beats.train)
+    taken = FittedModel.from_dict(FittedModel.from_fit(found).to_dict())
+    source = to_numpy(taken)
+    model: dict[str, Any] = {"__name__": "model"}
+    exec(compile(source, "model.py", "exec"), model)  # written by us
+    for experiment, motion in zip(beats.train, found.predict(), strict=True):
+        deflection, rate, *unread = taken.initial[experiment.recording.name]
+        assert f"right_start {unread[0]:.9g}" in source
+        parameters = {**model["PARAMETERS"], **dict(zip(("right_start", "right_rate_start"), unread, strict=True))}
+        again = model["simulate"](experiment.recording.time, 0.0, deflection, rate, parameters)
+        np.testing.assert_allclose(again[0], motion[:, 0], atol=1e-6)
 
 
 def test_a_start_that_nothing_tells_stays_at_rest(tmp_path: Path) -> None:
@@ -131,3 +143,13 @@ def test_starts_leave_alone_what_is_read(beats: Dataset) -> None:
     still, slow = base.initial_coordinates(d, v, np.zeros(2))
     np.testing.assert_allclose(q[1] - still[1], moved)
     np.testing.assert_allclose(rates[1] - slow[1], moving)
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_one_recording_is_followed_from_wherever_it_begins(name: str, tmp_path: Path) -> None:
+    """At rest where it is read, beats leave a fit that begins there no slope; others lead it to another spring."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    data = load_dataset(tmp_path / "rig.toml", recorded(tmp_path, name, np.random.default_rng(4)))
+    found = first_fit(data.train, natural_units(data.train))
+    assert found.values["coupling"] == pytest.approx(COUPLING, rel=0.02)
+    assert found.chi2 < 1.15 * found.problem.bench.n_data

@@ -116,6 +116,7 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
     _refuse_still(found)
     if _is_doubtful(found):
         found = _better(found, _led_fit(model, experiments, units, gaussian))
+    found = _better(found, _begun_elsewhere(found, experiments), part=1.0)
     return _freed(_better(found, _from_elsewhere(found, experiments)), experiments)
 
 
@@ -149,16 +150,32 @@ def _from_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit | None
     laws = {p.name: p for p in problem.model.parameters.values() if p.name in problem.free and not p.physical}
     scanned = {*problem.gaussian, restoring(problem.model)}
     starts = [
-        problem.start({**known, name: value * units.scale(p)})
+        {**known, name: value * units.scale(p)}
         for known in ({}, {n: v for n, v in found.values.items() if n not in laws})
         for name, p in laws.items()
         for value in (p.starts if name not in scanned and 1 < len(p.starts) <= _MOST_STARTS else ())
     ]
-    minima = fit_problems([problem] * len(starts), starts, iterations=_FOLLOWED, tolerance=1e-3, rough=True)
+    return _fit_from_best(starts, found, experiments, _BETTER)
+
+
+def _begun_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit | None:
+    """Return the fit in which a coordinate that is not read begins elsewhere; None where none leaves less."""
+    unread = [state for state in found.problem.states if state.believed]
+    known = {n: v for n, v in found.values.items() if n not in {state.name for state in unread}}
+    starts = [{**k, state.name: way * state.width} for k in ({}, known) for state in unread for way in (-1.0, 1.0)]
+    return _fit_from_best(starts, found, experiments, 1.0)
+
+
+def _fit_from_best(
+    starts: Sequence[Mapping[str, float]], found: Fit, experiments: Sequence[Experiment], part: float
+) -> Fit | None:
+    """Return the fit from that start from which least is left; None where that is more than a part of a fit found."""
+    problem, first = found.problem, [found.problem.start(values) for values in starts]
+    minima = fit_problems([problem] * len(first), first, iterations=_FOLLOWED, tolerance=1e-3, rough=True)
     best = min(minima, key=lambda m: m.cost, default=None)
-    if best is None or not 2 * best.cost < _BETTER * found.chi2:
+    if best is None or not 2 * best.cost < part * found.chi2:
         return None
-    return _fit_from(problem.named(best.x), found.model, experiments, units, problem.gaussian)
+    return _fit_from(problem.named(best.x), found.model, experiments, problem.units, problem.gaussian)
 
 
 def _freed(found: Fit, experiments: Sequence[Experiment]) -> Fit:

@@ -39,8 +39,9 @@ class FittedModel:
         Of the estimates; NaN rows where an interval is missing.
     reasons : mapping of str to str
         Why an interval is missing.
-    initial : mapping of str to (float, float)
-        Deflection [q] and rate [q/s] at the first sample, by recording; of a prescribed motion there are none.
+    initial : mapping of str to tuple of float
+        Deflection [q] and rate [q/s] at the first sample, by recording; of a prescribed motion there are none. Where a
+        declared system has coordinates that are not read, displacement and rate of each follow.
     step : float
         Integration step of the fit, the shortest where they differ, in reach of the classical method [s].
     provenance : mapping
@@ -76,7 +77,7 @@ class FittedModel:
     fitted: tuple[str, ...] = ()
     covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)), compare=False)
     reasons: Mapping[str, str] = field(default_factory=dict)
-    initial: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    initial: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     step: float = math.nan
     provenance: Mapping[str, Any] = field(default_factory=dict)
     physical: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
@@ -130,6 +131,7 @@ class FittedModel:
         recordings = [e.recording for e in bench.experiments]
         rig = bench.experiments[0].rig
         fitted = fit.problem.names
+        rows = [0, 1, *(2 + bench.own.index(p.name) for p in fit.model.mechanics.parameters() if p.own)]
         values = {n: everything[n] for n in fit.model.parameters}
         return cls(
             model=fit.model.free_parameter(*fitted),
@@ -139,7 +141,7 @@ class FittedModel:
             reasons=dict(fit.reasons),
             initial={}
             if fit.model.mechanics.prescribed
-            else {r.name: (float(a), float(b)) for r, (a, b) in zip(recordings, initial[:, :2, 0], strict=True)},
+            else {r.name: tuple(start[rows, 0].tolist()) for r, start in zip(recordings, initial, strict=True)},
             step=bench.classical_step(parameters, initial),
             provenance={
                 "discovery": version("discovery"),
@@ -205,7 +207,7 @@ class FittedModel:
             fitted=tuple(names),
             covariance=np.array(matrix, float).reshape(len(names), len(names)),
             reasons=dict(description["reasons"]),
-            initial={n: (float(a), float(b)) for n, (a, b) in description["initial"].items()},
+            initial={n: tuple(map(float, start)) for n, start in description["initial"].items()},
             step=_number(description["step_s"]),
             provenance=dict(description["provenance"]),
             # An earlier version did not write it.

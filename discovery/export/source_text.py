@@ -47,7 +47,11 @@ def composition(found: FittedModel) -> str:
 
 def initial_states(found: FittedModel) -> list[str]:
     """Return lines that say from which states the recordings start; none without recordings."""
-    starts = [f"{n}: deflection {d:.9g}, rate {r:.9g}" for n, (d, r) in found.initial.items()]
+    what = ("deflection", "rate", *(p.name for p in found.model.mechanics.parameters() if p.own))
+    starts = [
+        f"{recording}: " + ", ".join(f"{name} {number:.9g}" for name, number in zip(what, start, strict=True))
+        for recording, start in found.initial.items()
+    ]
     return ["Initial states of the recordings:", *starts] if starts else []
 
 

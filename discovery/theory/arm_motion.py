@@ -152,8 +152,7 @@ def fitted_coupling(
         parameters, states = fitted.problem.expand(fitted.minimum.x[:, None])
         values = dict(zip(bench.names, parameters[:, 0].tolist(), strict=True))
         initial = {
-            e.recording.name: (float(d), float(r))
-            for e, (d, r) in zip(bench.experiments, states[:, :2, 0], strict=True)
+            e.recording.name: tuple(start[:2, 0].tolist()) for e, start in zip(bench.experiments, states, strict=True)
         }
         experiments = bench.experiments if experiments is None else experiments
     elif hasattr(fitted, "values") and hasattr(fitted, "initial"):
