@@ -209,13 +209,13 @@ class Search:
         if not room or self._leaves_noise():
             return self._take(pliable)
         pairs = self.offers.pairs(self.best)
-        if self._take(_plain(pairs, 2)):
+        if self._take(of_plain := _plain(pairs, 2)):
             return True
         # Effects hide each other: what is refused alone may be right beside another.
         for leading in self._leading(plain) if not self.best.added else ():
             if self._take(_plain(self.offers.beside(leading))):
                 return True
-        return self._take(pliable) or self._take(pairs)
+        return self._take(pliable) or (len(of_plain) < len(pairs) and self._take(pairs))
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
         """Return the refused sets that gain in training, leave less and promise most: each may be half of a pair."""
