@@ -43,7 +43,7 @@ _COHERENT: dict[str, dict[str, int]] = {
     "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
     "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
 }
-#: What users write and pint has no name for, or takes for another unit (giga-radians, a pixel of print).
+#: What users write, and the one name of it: some of it pint has no name for, or takes for another unit (a giga-radian).
 _SPELLED = {
     "°": "deg",
     "Grad": "deg",

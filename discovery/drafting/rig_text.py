@@ -165,7 +165,8 @@ def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: fl
     if own:
         yield from (*equations(found, time), "")
     yield "[columns]"
-    yield from _columns(found, guess, time, rate)
+    zero = _zero(found, guess, time)
+    yield from _columns(found, guess, time, rate, zero)
     if found.unused:
         yield f"# not used: {_unused(found)}"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
@@ -175,7 +176,7 @@ def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: fl
         yield "[model]"
         yield "# what you declare; what it lacks is searched"
         declared = list(KINDS[guess.kind].declared)
-        if _zero(found, guess, time) is not None:
+        if zero is not None:
             yield f"# {_OFF} fits what the guessed zero is off by: take it out where you state a zero that you measured"
             declared.append(_OFF)
         yield f"effects = [{', '.join(map(_text, declared))}]"
@@ -198,7 +199,7 @@ def _base(found: Signals, base: Signal, time: FloatArray) -> Iterator[str]:
     yield from (f"# {line}".rstrip() for line in equations(replace(found, moved=True), time))
 
 
-def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None) -> Iterator[str]:
+def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None, zero: float | None) -> Iterator[str]:
     if found.header:
         yield f"header = [{', '.join(map(_text, found.header))}]   # the file has no line of names: name every column"
     span = time[-1] - time[0]
@@ -212,7 +213,6 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None)
         between, why = ("", []) if differentiated else _between(found.input)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
-    zero = _zero(found, guess, time)
     more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'

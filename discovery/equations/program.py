@@ -55,7 +55,7 @@ class Program:
     rod: Rod = STRAIGHT  # the rod as the effects change it
     #: How fast states of memory forget at most [s^-1], of those that steps need not resolve.
     relaxation: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
-    begins: tuple[str, ...] = ()  # parameters that say where coordinates begin that are not read
+    begins: tuple[str, ...] = ()  # see `discovery.mechanics.base.Base.begins`
 
     @cached_property
     def _form(self) -> Callable[..., tuple]:
@@ -168,7 +168,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         lateness=sp.Add(*[e.lateness() for e in effects if isinstance(e, Sensor)]),
         rod=rod,
         relaxation=tuple(forgets.items()),
-        begins=tuple(p.name for p in base.parameters() if p.own),
+        begins=base.begins,
     )
     _check_complete(result, base_name)
     return result

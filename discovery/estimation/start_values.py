@@ -48,8 +48,7 @@ class StartValue:
 def own_parameters(base: str, effects: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters of which every recording has its own value, in the order of `names`."""
     own = {p.name for p in (get_effect(e).own() for e in effects) if p is not None}
-    own |= {p.name for p in get_base(base).parameters() if p.own}
-    return tuple(n for n in names if n in own)
+    return tuple(n for n in names if n in {*own, *get_base(base).begins})
 
 
 def start_values(
@@ -63,7 +62,7 @@ def start_values(
     """
     q, time = units.coordinate, units.time
     sizes = (q, q / time)[: model.mechanics.starts]
-    begins = {p.name for p in model.mechanics.parameters() if p.own}
+    begins = model.mechanics.begins
     found = []
     for i, e in enumerate(experiments):
         for row, (size, guess) in enumerate(zip(sizes, e.initial_state(time), strict=False)):
@@ -76,9 +75,9 @@ def start_values(
                 continue
             unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
             starts, width = tuple(s * unit for s in parameter.starts), parameter.prior.width * unit
-            value_unit, believed = parameter.value_unit, parameter.name in begins
+            own_unit, believed = parameter.value_unit, parameter.name in begins
             found.append(
-                StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=value_unit, believed=believed)
+                StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=own_unit, believed=believed)
             )
     return tuple(found)
 

@@ -89,8 +89,8 @@ def _initial(model: Model, n_states: int) -> tuple[sp.Expr, ...]:
 
     start = array(*RECORDED[:2])[:, None]
     rod = rod_of(model.terms)
-    begins = [array(sp.Symbol(p.name, real=True)) for p in model.mechanics.parameters() if p.own]
-    form = tuple(begins) or (rod.deflection, rod.root)
+    begins = tuple(array(sp.Symbol(name, real=True)) for name in model.mechanics.begins)
+    form = begins or (rod.deflection, rod.root)
     q, rate = model.mechanics.initial_coordinates(array(DEFLECTION), array(RATE), start, form)
     found = [sp.sympify(e) for e in (*q[:, 0], *rate[:, 0])]
     return (*found, *[sp.Integer(0)] * (n_states - len(found)))

@@ -183,6 +183,11 @@ class Base(ABC):
         return not self.reads
 
     @property
+    def begins(self) -> tuple[str, ...]:
+        """Parameters that say where coordinates begin that are not read: every recording has its own values."""
+        return tuple(p.name for p in self.parameters() if p.own)
+
+    @property
     def reads_pushed(self) -> bool:
         """Whether the instrument reads the one coordinate there is, and a force without a place pushes on that."""
         return self.reads_state

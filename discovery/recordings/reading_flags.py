@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
-from discovery.foundation.sampling import gaps, median_step
+from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.rounding import quantum
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
@@ -45,7 +45,7 @@ def time_flags(time: FloatArray, column: TimeColumn) -> list[Flag]:
         missing = int(np.round(steps[missed] / step - 1.0).sum())
         sizes = {"missing": missing, "gaps": int(missed.sum()), "longest": float(steps.max())}
         flags.append(Flag("samples_missing", numbers=sizes))
-    elif np.quantile(np.abs(steps - step), 0.95) > _JITTER * step:
+    elif are_uneven(time):
         kind = "come in bursts" if steps.mean() > _BURSTS * step else "are uneven"
         between = {"shortest": float(steps.min()), "longest": float(steps.max())}
         flags.append(Flag("times_irregular", numbers={"kind": kind, **between}))

@@ -153,10 +153,9 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     found = {n.effect: n for n in named(search)}
     after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)
-    first = _declared(before, context)
     if (after.model.base, after.model.effects) == (before.model.base, before.model.effects):
         before, first = after, last  # one model has one estimate
-    elif first.chi2 < before.chi2:
+    elif (first := _declared(before, context)).chi2 < before.chi2:
         before, first = finished(first, context)
     contradiction = contradiction_of(after, search, context, complete=complete)
     manoeuvres = separations(search, found, context)

@@ -59,16 +59,14 @@ def held_fixed(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
     known = {**problem.model.known, **{n: float(minimum.x[problem.names.index(n)]) for n in nuisance}}
     model = Model(problem.model.base, problem.model.effects, known)
     keep = [i for i, n in enumerate(problem.names) if n not in nuisance]
-    held = Problem(model, problem.bench, problem.units, {})
-    # What is believed of starts stays.
-    others, last = problem.bench.n_rows, sum(state.believed for state in problem.states)
-    rows = [*range(others), *range(len(minimum.residual) - last, len(minimum.residual))]
-    residual = minimum.residual[rows]
-    return held, Minimum(
+    # What the rig knows stands behind the readings, before what is believed of starts, which stays.
+    rows = slice(problem.bench.n_rows, problem.bench.n_rows + len(nuisance))
+    residual = np.delete(minimum.residual, rows)
+    return Problem(model, problem.bench, problem.units, {}), Minimum(
         minimum.x[keep],
         0.5 * float(residual @ residual),
         residual,
-        minimum.jacobian[np.ix_(rows, keep)],
+        np.delete(minimum.jacobian, rows, axis=0)[:, keep],
         minimum.at_bound[keep],
         minimum.converged,
         minimum.iterations,
