@@ -80,18 +80,19 @@ def test_a_shape_at_either_end_is_doubted() -> None:
 
 def told(hold: float, *, train: float = 1.0, where: str = "outside") -> dict[str, Any]:
     after = {"train": {"rms": train}, "holdout": {"rms": hold}, f"holdout_{where}": {"rms": hold}}
-    return {"after": after, "noise_floor": 1.0, "unit": "m"}
+    return {"after": after, "noise_floor": 1.0, "unit": "m", "holdout_scatter": 19.0}
 
 
 def test_a_hold_out_that_is_missed_is_told() -> None:
     found = missed(told(20.0), left=0.1, held=0.1, least=0.3)
     assert found is not None
     assert caution_sentence(found.summary()).endswith(
-        "misses the held-out ones by 20 m (rms), 20 times their noise: has the rig or its payload changed, or does the "
-        "motion reach where training did not?"
+        "misses the held-out ones by 20 m (rms), 20 times their noise, and more than the 19 m by which these scatter "
+        "about their mean: has the rig or its payload changed, or does the motion reach where training did not?"
     )
-    inside = missed(told(20.0, where="inside"), left=0.1, held=5.0, least=0.3)
+    inside = missed(told(18.0, where="inside"), left=0.1, held=5.0, least=0.3)
     assert inside is not None
+    assert "scatter" not in caution_sentence(inside.summary())
     assert caution_sentence(inside.summary()).endswith("changed, or does training tell too little of the law?")
     # Averages are noise inside the range of training: readings scatter, and another doubt says so.
     assert missed(told(20.0, where="inside"), left=0.1, held=0.1, least=0.3) is None

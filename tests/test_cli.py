@@ -570,7 +570,7 @@ def answer(**more: Any) -> SimpleNamespace:
 
 def test_a_loop_says_its_cautions() -> None:
     after = {"train": {"rms": 1.0}, "holdout": {"rms": 9.0}, "holdout_outside": {"rms": 9.0}}
-    beyond = {"after": after, "noise_floor": 1.0, "unit": "m"}
+    beyond = {"after": after, "noise_floor": 1.0, "unit": "m", "holdout_scatter": 9.0}
     found = missed(beyond, left=0.0, held=0.0, least=1.0)
     (doubt,) = doubts(answer(cautions=[found]), SimpleNamespace(rig=SimpleNamespace(unfilled=())))
     assert doubt.startswith("the model explains the training recordings to their noise and misses the held-out ones")

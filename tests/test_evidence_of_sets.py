@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 from scipy.stats import multivariate_normal
 
 from discovery.estimation.laplace import Belief, bounded_step
-from discovery.estimation.log_evidence import Linearised, evidence_of
+from discovery.estimation.log_evidence import Linearised, constant_score, evidence_of
 from discovery.estimation.model_error import Channel
 
 TIME = np.arange(0, 30, 0.05)
@@ -229,3 +229,29 @@ def test_a_bound_takes_nothing_along_what_no_reading_tells() -> None:
     assert step[2] == -1.0
     least = np.sum((residual + columns @ step) ** 2)
     assert residual @ residual + 2 * step @ push + step @ form @ step == pytest.approx(least, rel=1e-9)
+
+
+def test_what_predicts_worse_than_a_constant_gains_nothing_over_what_runs_away() -> None:
+    """Of two predictions that both miss by more than the readings scatter, neither is the merit of the other's law."""
+    held = 50.0 + drawn(300.0, 5)
+    least = constant_score([Channel(TIME, held[:, None])], NATURAL, 0.15)
+    y = SLOPES @ [0.5, -1.0] + drawn(0.0, 3)
+
+    def scores(off: np.ndarray) -> tuple[float, float]:
+        found = evidence_of(replace(problem(SLOPES, y, held=off), constants=[least]))
+        return found.held, found.ahead
+
+    bad, mad = (held + size * np.exp(TIME / 4) for size in (800.0, 1e6))
+    good = 1.0 + drawn(1.0, 6)
+    # The parameters of these slopes could take some of a miss; the estimate alone cannot.
+    assert scores(mad) == (least, least)
+    assert scores(bad)[1] == least
+    assert min(scores(good)) > least + 100
+    free = [evidence_of(problem(SLOPES, y, held=off)).ahead for off in (bad, mad)]
+    assert free[0] > free[1] + 100
+
+
+def test_the_score_of_a_constant_does_not_depend_on_the_constant() -> None:
+    read = 3.0 * FACTOR @ np.random.default_rng(2).normal(size=TIME.size)
+    scores = [constant_score([Channel(TIME, (read + c)[:, None])], NATURAL, 0.15) for c in (0.0, 40.0)]
+    assert scores[0] == pytest.approx(scores[1], abs=1e-6)

@@ -144,3 +144,12 @@ def test_of_a_step_the_rise_is_fitted(tmp_path: Path, at: int) -> None:
 def test_training_that_does_not_move_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"the first 195 of 300 readings are fitted, and they do not move.*samples ="):
         refuse_unusable([("train", replace(stepped(tmp_path, 200).train[0], fitted_samples=195))])
+
+
+@pytest.mark.parametrize(("inputs", "spring"), [([2.0], 20.0), ([2.0, 2.0], 20.0)])
+def test_one_level_of_an_input_beside_a_constant_force_is_refused(tmp_path, inputs, spring) -> None:
+    rig = OSCILLATOR + 'model = { effects = ["viscous_damping", "linear_stiffness", "equilibrium_offset"] }\n'
+    with pytest.raises(InputError, match=r"2 N throughout, and equilibrium_offset has a constant force.*other inputs"):
+        under(tmp_path, rig, inputs, (0.0, 0.0), spring)
+    # Several levels tell the gain.
+    under(tmp_path, rig, [2.0, 1.0], (0.0, 0.0), spring)

@@ -118,7 +118,7 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
     if not (rms > (SCATTERED if explains else _ELSEWHERE) * usual and (beyond or held > least)):
         return None
     numbers = {"rms": rms, "unit": errors["unit"], "ratio": rms / (floor if explains else usual), "beyond": beyond}
-    return Caution("missed", numbers={**numbers, "explains": explains})
+    return Caution("missed", numbers={**numbers, "explains": explains, "scatter": errors["holdout_scatter"]})
 
 
 def burst(fitted: Fit) -> Caution | None:

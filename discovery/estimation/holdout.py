@@ -16,7 +16,7 @@ from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import errors
 from discovery.estimation.step import choose_step
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.parts import motion_over_noise, two_thirds
@@ -124,6 +124,13 @@ class HoldOut:
         variances = [np.sum(np.square(r.noise)) for r in recordings]
         return float(np.sqrt(np.average(variances, weights=[r.time.size for r in recordings])))
 
+    @property
+    def scatter(self) -> float:
+        """Rms distance of what decides from the mean of each recording, in the unit of the output."""
+        whole = [e.recording.output[present.all(axis=1)] for e, present in self.parts()]
+        squares = [np.square(part - part.mean(axis=0)).sum(axis=1) for part in whole if part.size]
+        return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
+
     def outputs(self) -> list[FloatArray]:
         """Return measured outputs, NaN where a sample was fitted."""
         found = []
@@ -140,6 +147,12 @@ class HoldOut:
         They are those inside the trained deflection, or all where none is.
         """
         return list(self._deciding.values())
+
+    def parts(self) -> list[tuple[Experiment, BoolArray]]:
+        """Return the recordings with readings that decide, and which of their readings (n, c) these are."""
+        some = self.train if self.continued else self.deciding()
+        found = [(e, np.isfinite(e.recording.output) & ~(self.continued & (e.weights() > 0))) for e in some]
+        return [(e, present) for e, present in found if present.any()]
 
     def held(self, fit: Fit, on_train: list[FloatArray]) -> list[FloatArray]:
         """Return a fit's predictions of the held-out recordings, from those of the training recordings."""

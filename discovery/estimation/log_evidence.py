@@ -43,6 +43,8 @@ class Linearised:
     stated: float = 0.0
     #: Share of the model error that is expected in the direction of any one parameter: intervals hold it.
     form: float = 0.0
+    #: Score of a constant for each held-out recording [nats], see `constant_score`: no model is worse than that.
+    constants: Sequence[float] = ()
 
     @cached_property
     def prior(self) -> Prior:
@@ -70,6 +72,8 @@ class Evidence:
 
     train: float  # log evidence of the training recordings [nats]
     #: Log predictive score of the held-out ones, given the training ones; zero where nothing is held out [nats].
+    #: Where a model predicts a recording less well than a constant does, that counts, so that one that runs away there
+    #: is no merit of others.
     held: float
     #: The same of the one prediction that the estimate makes. Where parameters are uncertain, the score is also high
     #: for a law that misses what is held out but could be fitted to it.
@@ -175,10 +179,11 @@ def evidence_of(problem: Linearised) -> Evidence:
     given = (problem.prior.after(mode, problem.belief) for mode in (predictive, sure))
     held, ahead = ([_Sizes(problem, part, prior) for part in problem.held] for prior in given)
     counts = [sum(c.time.size for c in part) for part in problem.held]
+    least = problem.constants or [-np.inf] * len(held)
     return Evidence(
         train=first,
-        held=sum(h.integrated for h in held),
-        ahead=sum(a.integrated for a in ahead),
+        held=sum(max(h.integrated, c) for h, c in zip(held, least, strict=True)),
+        ahead=sum(max(a.integrated, c) for a, c in zip(ahead, least, strict=True)),
         error=size,
         error_held=float(np.sqrt(np.average([h.size**2 for h in held], weights=counts))) if held else 0.0,
         white=at.white,
@@ -189,6 +194,24 @@ def evidence_of(problem: Linearised) -> Evidence:
         chi2_held=sum(_left(part, h.likeliest.step) for part, h in zip(problem.held, held, strict=True)),
         count_held=sum(counts),
     )
+
+
+def constant_score(readings: Sequence[Channel], natural_time: float, scale: float) -> float:
+    """Return the log predictive score of a recording of which nothing is predicted but the mean of each channel [nats].
+
+    Parameters
+    ----------
+    readings : sequence of Channel
+        What was read of every channel, one column each [noise sds].
+    natural_time : float
+        Natural time of the motion [s].
+    scale : float
+        Scale of the prior of the model error [noise sds].
+    """
+    none = np.empty(0)
+    nothing = Linearised([], [], Belief(none, none, none, none, none, np.empty(0, bool)), 0, natural_time, scale)
+    apart = [Channel(c.time, c.columns - c.columns.mean(axis=0)) for c in readings]
+    return _Sizes(nothing, apart, nothing.prior).integrated
 
 
 def _covariance(problem: Linearised, train: _Sizes) -> FloatArray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
 
 #: Memory of a model error over the natural time: a slower one takes the motion itself for an error.
@@ -84,6 +84,11 @@ class Channel:
 
     time: FloatArray  # (n,), times of its readings [s]
     columns: FloatArray  # (n, k), derivatives of the residual, then the residual [noise sds]
+
+    @classmethod
+    def each(cls, time: FloatArray, columns: FloatArray, present: BoolArray) -> list[Channel]:
+        """Return the channels of columns (n, c, k) over their samples that are present, shape (n, c)."""
+        return [cls(time[here], columns[here, c]) for c, here in enumerate(present.T) if here.any()]
 
     def gram(self, error: ModelError) -> tuple[FloatArray, float]:
         """Return scalar products (k, k) of the columns made white, and the log determinant of their covariance."""

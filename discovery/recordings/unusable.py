@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
+import sympy as sp
 
+from discovery.declarations.effect import Effect, Load, Potential
+from discovery.declarations.registry import get_effect
+from discovery.declarations.symbols import delta, delta_dot, omega, t, theta, v_x, x, x_g
 from discovery.declarations.units import quoted
 from discovery.foundation.arrays import BoolArray
 from discovery.foundation.errors import InputError
@@ -24,6 +29,8 @@ _BEGINNING = 3
 _AT_REST, _SEEN = 0.1, 3.0
 #: ... and a position changes over them by less than this share of its fastest change.
 _SLOW = 0.5
+#: What laws are written in that pull on a body at rest, and its rates; by less than this share they hardly change.
+_COORDINATES, _RATES, _HARDLY = (theta, delta, x, x_g), (omega, delta_dot, v_x), 0.1
 #: Noise sds that a step must move it by.
 _MOVES = 10.0
 
@@ -31,8 +38,8 @@ _MOVES = 10.0
 def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
     """Refuse recordings, each with its role, from which nothing can be learned.
 
-    Refused are a part without a measurement, a motion that rests in all that is fitted, an input that is a copy or dead
-    in all of it, and an arm that bends in none of it.
+    Refused are a part without a measurement, a motion that rests in all that is fitted, an input that is a copy, or is
+    dead in all of it, or could be a constant force, and an arm that bends in none of it.
     """
     for role, experiment in recordings:
         _refuse_one(role, experiment)
@@ -100,18 +107,41 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
     """Refuse an input that is the same throughout all that is fitted, unless it sets a body at rest moving."""
     first = experiments[0]
     inputs = [e.recording.input for e in experiments if e.recording.input is not None]
-    if first.system.has_rod or not inputs or any(map(_drives, experiments)):
+    if first.system.has_rod or not inputs:
         return
-    given, values = first.rig.columns.input, np.concatenate(inputs)
+    given, values, reach = first.rig.columns.input, np.concatenate(inputs), largest_deflection(experiments)
+    constant = [] if np.ptp(values) > 0 else [e for e in first.rig.declared if _is_constant(get_effect(e), reach)]
+    if not constant and any(map(_drives, experiments)):
+        return
     # The levels of a force differ in what they do; those of a motion do nothing.
     if np.ptp(values) > 0 and get_base(first.rig.base).is_pushed:
         return
     value = f"{values[0]:g}" if given is None else quoted(float(values[0]), given.unit, 6)
+    if constant:
+        raise InputError(
+            f"{first.recording.source}: the input is {value} throughout, and {constant[0]} has a constant force of its "
+            "own beside it: the two cannot be told apart, so the gain of the input cannot be found. Name recordings of "
+            "other inputs in train as well, steps of several sizes, or remove the input from [columns] in the rig "
+            f"file: {constant[0]} then holds what it does."
+        )
     raise InputError(
         f"{first.recording.source}: the input is {value} throughout, so it drives nothing and its gain cannot be "
         "found. Record an input that varies, steps of several sizes, or a step from rest at zero output. For a free "
         "decay, remove the input from [columns] in the rig file."
     )
+
+
+def _is_constant(effect: Effect, reach: float) -> bool:
+    """Whether a law holds a force of any size that hardly changes over deflections up to `reach`, and not in time."""
+    if not isinstance(effect, Potential | Load):
+        return False
+    law, own = sp.sympify(effect.expression()), [sp.Symbol(p.name, real=True) for p in effect.parameters()]
+    rest, far = ({**dict.fromkeys(_COORDINATES, q), **dict.fromkeys(_RATES, 0)} for q in (0, reach))
+    for along, p in product(_COORDINATES if isinstance(effect, Potential) else _RATES, own):
+        force = law.diff(along, p)
+        if not force.has(t, *own) and force.subs(rest) != 0:
+            return bool(abs(force.subs(far) / force.subs(rest) - 1) < _HARDLY)
+    return False
 
 
 def _drives(experiment: Experiment) -> bool:

@@ -40,6 +40,9 @@ def _missed(found: Record) -> str:
     if numbers["explains"]:
         head = "explains the training recordings to their noise and misses the held-out ones"
         times = "times their noise"
+    if numbers["rms"] > numbers["scatter"]:
+        scatter = quoted(numbers["scatter"], numbers["unit"])
+        times = f"{times}, and more than the {scatter} by which these scatter about their mean"
     return (
         f"the model {head} by {quoted(numbers['rms'], numbers['unit'])} (rms), {figures(numbers['ratio'], 2)} "
         f"{times}: has the rig or its payload changed, or does {other}?"

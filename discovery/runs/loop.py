@@ -281,5 +281,6 @@ def _errors(
         "noise_floor": judge.noise_floor,
         "holdout_kind": judge.kind,
         "holdout_motion": judge.motion,
+        "holdout_scatter": judge.scatter,
         **{w: {"train": errors(fitted[w], measured), **judge.errors(held[w])} for w in on_train},
     }

@@ -14,8 +14,7 @@ from discovery.estimation.laplace import belief_of
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
-from discovery.foundation.arrays import BoolArray, FloatArray
-from discovery.recordings.experiment import Experiment
+from discovery.foundation.arrays import FloatArray
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
 
@@ -90,23 +89,17 @@ def _slopes(
     for e, columns in zip(problem.bench.experiments, train, strict=True):
         weight, n = e.weights() > 0, len(e.fitted_part.recording.time)
         jacobian.append(np.where(weight[:n, :, None], columns[:n, :, :-1], 0.0).reshape(-1, p))
-        fitted += _channels(e, np.insert(columns, [p] * len(more), 0.0, axis=2), weight)
+        fitted += Channel.each(e.recording.time, np.insert(columns, [p] * len(more), 0.0, axis=2), weight)
         if not held:
-            judged.append(_channels(e, columns, np.isfinite(e.recording.output) & ~weight))
+            judged.append(Channel.each(e.recording.time, columns, np.isfinite(e.recording.output) & ~weight))
     for e, columns in zip(context.judge.deciding(), held, strict=False):
         wide = np.insert(columns, [free] * (p - free), 0.0, axis=2)
-        judged.append(_channels(e, wide, np.isfinite(e.recording.output)))
+        judged.append(Channel.each(e.recording.time, wide, np.isfinite(e.recording.output)))
     judged = [part for part in judged if part]
     if not all(np.isfinite(c.columns).all() for part in (fitted, *judged) for c in part):
         return None
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
     form = context.settings.form_of(problem.model)
-    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated, form)
+    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated, form, context.constants)
     return Slopes(linear, np.concatenate(jacobian))
-
-
-def _channels(experiment: Experiment, columns: FloatArray, present: BoolArray) -> list[Channel]:
-    """Return each channel over the samples that are present."""
-    time = experiment.recording.time
-    return [Channel(time[here], columns[here, c]) for c, here in enumerate(present.T) if here.any()]

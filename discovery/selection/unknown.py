@@ -56,7 +56,8 @@ def unknown_force(context: Context, found: Contender) -> Unknown:
     own, without = found.evidence, {e: other for e, (_, other) in zip(found.added, others, strict=True)}
     kept = {e: joint - other for e, other in without.items()}
     instead = {e: other - own.joint for e, other in without.items()}
-    return Unknown(train - own.train, joint - train - own.held, kept, instead)
+    # What a constant predicts as well gains nothing, and no round-off.
+    return Unknown(train - own.train, round(joint - train - own.held, 9), kept, instead)
 
 
 def _with_force(problem: Problem, model: Model) -> list[Problem]:
