@@ -38,8 +38,8 @@ from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
 from discovery.report import build_report, figures
-from discovery.report.figures import manoeuvre
-from discovery.report.follow_up_sentences import separation_sentence
+from discovery.report.ambiguity import draw_manoeuvres
+from discovery.report.doubt_sentences import separation_sentence
 from discovery.rigs.rig import Rig
 from discovery.runs.follow_up import separations, told_apart
 from discovery.runs.loop_files import write_loop
@@ -446,7 +446,7 @@ def test_what_cannot_be_separated_is_refused() -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (draw_manoeuvres,))
     results = write_arm_run(tmp_path)
     found = designed(("table_tilt", "encoder_ripple"))
     results["loop"]["separation"] = [found.summary()]

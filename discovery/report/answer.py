@@ -12,8 +12,7 @@ from markupsafe import Markup
 from discovery.report.effect_formulas import known_constants, meanings
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters, symbol_of, unit_of
-from discovery.report.latex import latex
-from discovery.report.mathml import WORD, broken, number, symbol
+from discovery.report.mathml import WORD, broken, latex, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import chances, effect_sentence, inclusion_words

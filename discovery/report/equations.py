@@ -36,8 +36,7 @@ from discovery.report.effect_formulas import (
     summed,
     together,
 )
-from discovery.report.latex import latex
-from discovery.report.mathml import block, formula, number, power, row, symbol, total
+from discovery.report.mathml import block, formula, latex, number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
 from discovery.report.numbers import significant, unit_text
 from discovery.report.results import Run
@@ -186,6 +185,11 @@ def model_formulas(model: Mapping, system: str, values: Mapping[str, float] | No
         shown = [e for e in shown if e not in parts]
     groups = together(shown)
     return found + [Formula(". ".join(e.title() for e in group), _of(group, model, system)) for group in groups]
+
+
+def shown_formulas(run: Run, when: str) -> list[tuple[str, Markup, str]]:
+    """Return the formulas of the model before or after the loop as the page shows them, see `Formula.shown`."""
+    return [f.shown for f in model_formulas(run.loop["model"][when]["model"], run.results["rig"]["kind"])]
 
 
 def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:

@@ -77,10 +77,12 @@ def sampled_parameters(run: Run) -> dict[str, Any]:
     return declared_parameters(run.loop["model"][which]["model"])
 
 
-def posterior_table(run: Run) -> Table:
+def posterior_table(run: Run) -> Table | None:
     """Return the sampled parameters and noise beside the fit and, on the paper's rig, the paper."""
     from discovery.posterior.noise import is_independent
 
+    if not run.posterior:
+        return None
     rows = run.quantities_sampled
     declared, paper = sampled_parameters(run), published(run).get("parameters", {})
     cells = []
@@ -135,7 +137,7 @@ def start_words(name: str) -> str:
 def nuisance_table(run: Run) -> Table | None:
     """Return the sampled initial states."""
     shown = {r["name"] for r in run.quantities_sampled}
-    rows = [r for r in run.posterior["rows"] if r["name"] not in shown]
+    rows = [r for r in run.posterior.get("rows", ()) if r["name"] not in shown]
     if not rows:
         return None
     unit = run.coordinate_unit
@@ -198,9 +200,11 @@ def _alike(comparison: Sequence[Mapping[str, Any]]) -> Iterable[list[Mapping[str
     return merged.values()
 
 
-def elastica_table(run: Run) -> Table:
+def elastica_table(run: Run) -> Table | None:
     """Return posterior against prediction; variants that predict the same number share a row."""
-    comparison = run.results["elastica"]["comparison"]
+    comparison = (run.results.get("elastica") or {}).get("comparison")
+    if not comparison:
+        return None
     cells = []
     for rows in _alike(comparison):
         r = rows[0]

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 from markupsafe import Markup
 
-from discovery.report.model_error_sentences import share_words
 from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
-from discovery.report.sentences import chances, probability_words
+from discovery.report.sentences import chances, probability_words, share_words
 from discovery.report.story import blows_up, fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose
@@ -20,8 +17,10 @@ from discovery.report.words import effect_name, listed, prose
 _EACH, _BEST = 3, 8
 
 
-def terms_table(run: Run) -> Table:
+def terms_table(run: Run) -> Table | None:
     """Return the terms of the discovered equation."""
+    if not run.results.get("discovery"):
+        return None
     terms = run.results["discovery"]["terms"]
     cells = [
         [
@@ -43,10 +42,10 @@ def terms_table(run: Run) -> Table:
 
 def equations_table(run: Run) -> Table | None:
     """Return the best equations of every size: terms, misfit, likelihood ratio, probability."""
-    table: Sequence[Mapping[str, Any]] = run.results["discovery"].get("table", [])
-    chosen = tuple(t["term"] for t in run.results["discovery"]["terms"])
+    discovery = run.results.get("discovery") or {"terms": []}
+    chosen = tuple(t["term"] for t in discovery["terms"])
     cells, raw, count = [], [], Counter[int]()
-    for e in table:
+    for e in discovery.get("table", ()):
         size = len(e["terms"])
         raw.append([size, "; ".join(e["terms"]), e["unexplained"], e["likelihood_ratio"], e["probability"]])
         count[size] += 1

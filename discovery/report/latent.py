@@ -56,7 +56,7 @@ def _forces(run: Run) -> dict[str, xr.Dataset]:
     return {name: force for name, force in found.items() if force is not None}
 
 
-def draw_time(run: Run) -> Picture | None:
+def draw_force(run: Run) -> Picture | None:
     """Return the force in time with its 90 % band, for the first recordings."""
     forces = dict(list(_forces(run).items())[:_MOST])
     if not forces:

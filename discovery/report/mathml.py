@@ -1,6 +1,7 @@
-"""Equations as presentation MathML, which browsers draw without any script or font of their own.
+"""Equations as presentation MathML, which browsers draw without any script or font of their own, and as LaTeX.
 
 Terms as the result files name them, such as ``delta^2 theta_t'``, are read into it.
+
 """
 
 from __future__ import annotations
@@ -213,3 +214,70 @@ def formula(text: str) -> str:
     if reader.peek():
         raise InputError(f"The formula {text!r} cannot be read at {reader.peek()!r}.")
     return body
+
+
+_LATEX_LETTERS = {letter: f"\\{name}" for name, letter in GREEK.items() if not name.startswith("var")}
+_LATEX_SIGNS = {
+    "−": "-", "∂": "\\partial ", "∑": "\\sum", "∫": "\\int", "…": "\\dots", "×": "\\times ", "·": "\\cdot ",
+    "≤": "\\le ", "≥": "\\ge ", "∞": "\\infty ", "±": "\\pm ", "{": "\\{", "}": "\\}",
+    "\N{NARROW NO-BREAK SPACE}": "\\,", "\N{NO-BREAK SPACE}": "~", "\N{INVISIBLE TIMES}": "",
+}  # fmt: skip
+_PLAIN = str.maketrans({"\\": "\\backslash ", "_": "\\_", "%": "\\%", "#": "\\#", "&": "\\&", "$": "\\$"})
+_ACCENTS = {"˙": "dot", ".": "dot", "..": "ddot", "...": "dddot"}
+
+
+def latex(body: str) -> str:
+    r"""Return a formula in presentation MathML, as the page shows it, as LaTeX.
+
+    Examples
+    --------
+    >>> latex("<mrow><mi>α</mi><msup><mi>q</mi><mn>3</mn></msup></mrow>")
+    '\\alpha q^{3}'
+    """
+    return " ".join(_as_latex(fromstring(f"<mrow>{body}</mrow>")).split())
+
+
+def _as_latex(node: Element) -> str:
+    parts = [_as_latex(child) for child in node]
+    match node.tag:
+        case "mi" | "mn" | "mo":
+            return _token_latex(node)
+        case "mtext":
+            return f"\\text{{{(node.text or '').translate(_PLAIN)}}}"
+        case "mspace":
+            return "\\, "
+        case "msup":
+            return f"{_base_latex(node[0], parts[0])}^{{{parts[1]}}}"
+        case "msub" | "munder":
+            return f"{parts[0].rstrip()}_{{{parts[1]}}}"
+        case "msubsup" | "munderover":
+            return f"{parts[0].rstrip()}_{{{parts[1]}}}^{{{parts[2]}}}"
+        case "mfrac":
+            return f"\\frac{{{parts[0]}}}{{{parts[1]}}}"
+        case "msqrt":
+            return f"\\sqrt{{{''.join(parts)}}}"
+        case "mover":
+            return f"\\{_ACCENTS.get((node[1].text or '').strip(), 'hat')}{{{parts[0].strip()}}}"
+        case "mfenced":
+            return f"\\left({', '.join(parts)}\\right)"
+        case _:
+            return "".join(parts)
+
+
+def _base_latex(node: Element, text: str) -> str:
+    return text.rstrip() if node.tag in ("mi", "mn") or text.startswith("(") else f"{{{text.strip()}}}"
+
+
+def _token_latex(node: Element) -> str:
+    text = (node.text or "").strip()
+    if text in _LATEX_LETTERS:
+        return f"{_LATEX_LETTERS[text]} "
+    if text in _LATEX_SIGNS:
+        return _LATEX_SIGNS[text]
+    safe = text.translate(_PLAIN)
+    written = "".join(_LATEX_LETTERS.get(c, _LATEX_SIGNS.get(c, c)) for c in safe) if text == safe else safe
+    if node.tag == "mn" or len(text) < 2:
+        return written
+    if node.tag == "mo" and not text.isalpha():
+        return written
+    return f"\\mathrm{{{written}}}"

@@ -139,6 +139,11 @@ def fits_table(run: Run) -> Table | None:
     return Table("fits", caption, tuple(head), cells, ("model", *(f"{k}_{m}" for k, m in kinds)), raw)
 
 
+def notes(run: Run) -> list[tuple[str, str]]:
+    """Return what is unusual about the recordings, each with the name of its recording."""
+    return [(r["name"], note) for r in run.results["recordings"] for note in r.get("notes", ())]
+
+
 def quantities(run: Run) -> list[tuple[str, str]]:
     """Return what the experimenter stated of the rig, as words and printed values."""
     found = []

@@ -96,7 +96,7 @@ def noise_sentence(run: Run) -> str:
 def honest_table(run: Run) -> Table | None:
     """Return the parameters under the noise that the evidence prefers to that of the posterior; None without one."""
     best = preferred_noise(run)
-    if best is None:
+    if best is None or not run.posterior:
         return None
     declared, paper = sampled_parameters(run), published(run).get("parameters", {})
     cells, raw = [], []

@@ -11,8 +11,7 @@ from markupsafe import Markup
 
 from discovery.declarations.registry import get_effect
 from discovery.report.effect_formulas import effect_formula, placed_formula
-from discovery.report.latex import latex
-from discovery.report.mathml import inline
+from discovery.report.mathml import inline, latex
 from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table

@@ -1,12 +1,29 @@
-"""What was recorded: the motion of one recording, and the deflection of all."""
+"""What was recorded: signals in time, the motion in its plane, its decay, and the lines of a multisine."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from discovery.foundation.arrays import FloatArray
+from discovery.foundation.sampling import median_step
 from discovery.report.numbers import Scale, scale_for, unit_text
-from discovery.report.results import Run, Trajectory
-from discovery.report.style import BLUE, GREY, RED, Picture, decimate, new_figure, side_label, verbatim
+from discovery.report.results import MODELS, Run, Trajectory
+from discovery.report.style import (
+    BLUE,
+    GREY,
+    LINES,
+    MARK,
+    ORANGE,
+    RED,
+    SKY,
+    Picture,
+    decimate,
+    label,
+    new_figure,
+    side_label,
+    verbatim,
+)
+from discovery.report.words import deflection_unit, sentence
 
 _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection"}
 
@@ -27,7 +44,7 @@ def _largest(trajectory: Trajectory) -> float:
     return 0.0 if trajectory.deflection is None else float(np.nanmax(np.abs(trajectory.deflection)))
 
 
-def draw(run: Run) -> Picture | None:
+def draw_motion(run: Run) -> Picture | None:
     """Return input and channels of the training recording with the largest deflection."""
     train = [t for t in run.trajectories if t.role == "train"]
     if not train:
@@ -79,4 +96,135 @@ def draw_deflections(run: Run) -> Picture | None:
         figure,
         f"Deflection of the tip in every recording. Largest: {sizes}.",
         f"Deflection against time of {len(shown)} recordings. Largest: {sizes}.",
+    )
+
+
+#: Swings of a recording that are drawn: more would fill the plane.
+_SWINGS = 6
+
+
+def main_period(time: FloatArray, values: FloatArray) -> float:
+    """Return the period of the strongest line of a motion [s]."""
+    even = np.linspace(time[0], time[-1], time.size)
+    good = np.isfinite(values)
+    filled = np.interp(even, time[good], values[good])
+    power = np.abs(np.fft.rfft(filled - filled.mean())) ** 2
+    power[0] = 0.0
+    return float((time[-1] - time[0]) / max(1, int(np.argmax(power))))
+
+
+def _rate(time: FloatArray, values: FloatArray, period: float) -> FloatArray:
+    """Return the slope of straight lines over a twelfth of a period, for drawing only."""
+    half = max(1, round(period / 24 / median_step(time)))
+    slope = np.full(values.shape, np.nan)
+    slope[half:-half] = (values[2 * half :] - values[: -2 * half]) / (time[2 * half :] - time[: -2 * half])
+    return slope
+
+
+def _portrait(trajectory: Trajectory, model: str, period: float) -> tuple[FloatArray, FloatArray] | None:
+    values = trajectory.deflection if model == "measured" else trajectory.deflection_of(model)
+    if values is None:
+        return None
+    stop = int(np.searchsorted(trajectory.time, trajectory.time[0] + _SWINGS * period))
+    return values[:stop], _rate(trajectory.time, values, period)[:stop]
+
+
+def draw_phase(run: Run) -> Picture | None:
+    """Return the portrait of the first held-out recording, or of the first one."""
+    candidates = [t for t in (*run.held_out, *run.trajectories) if t.deflection is not None]
+    if not candidates or not run.reads_coordinate:
+        return None
+    shown = candidates[0]
+    assert shown.deflection is not None
+    period = main_period(shown.time, shown.deflection)
+    figure = new_figure(3.8)
+    axes = figure.subplots()
+    for model in ("measured", "after"):
+        portrait = _portrait(shown, model, period) if model == "measured" or model in shown.models else None
+        if portrait is not None:
+            look = {**LINES[model], "linewidth": 0.8}
+            axes.plot(*portrait, **look)
+    unit, what = run.coordinate_unit, "deflection" if run.system.has_rod else run.output_name
+    axes.set_xlabel(label(what, unit))
+    axes.set_ylabel(label("its rate", f"{unit}/s"))
+    figure.legend(loc="outside upper left", ncols=2)
+    return Picture(
+        "phase",
+        figure,
+        f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s.",
+        f"{sentence(what)} of {shown.name} against its rate: loops, measured and by the final model.",
+        raster=True,
+    )
+
+
+def draw_amplitude(run: Run) -> Picture | None:
+    """Return the figure; None where no recording holds a free decay."""
+    curves = {name: data for name in ("measured", *MODELS) if (data := run.open("amplitude.nc", name)) is not None}
+    if "measured" not in curves:
+        return None
+    figure = new_figure(4.2)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    for name, data in curves.items():
+        order = np.argsort(data["amplitude"].to_numpy())
+        look = {**LINES[name], "markersize": 5} if name == "measured" else LINES[name]
+        for axis, variable in ((top, "frequency"), (bottom, "damping")):
+            axis.plot(data["amplitude"].to_numpy()[order], data[variable].to_numpy()[order], **look)
+    top.set_ylabel(label("frequency", "Hz"))
+    bottom.set_ylabel(label("decay rate", "1/s"))
+    bottom.set_xlabel(label("amplitude", deflection_unit(run)))
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    recording = curves["measured"].attrs.get("recording", "a recording")
+    return Picture(
+        "amplitude",
+        figure,
+        f"Frequency and decay rate of the energy against amplitude in the free decay of {recording}, swing by swing.",
+        "Two panels: frequency and decay rate against amplitude, measured points and a line for each model.",
+    )
+
+
+_LOOK = {
+    "excited": (BLUE, "o", "excited lines"),
+    "odd": (RED, "s", "odd lines, not excited"),
+    "even": (ORANGE, "^", "even lines, not excited"),
+    "outside": (SKY, ".", "outside the band"),
+}
+_MOST = 1500
+
+
+def draw_multisine(run: Run) -> Picture | None:
+    """Return the level of every line by class, over the noise; None where the input was no multisine."""
+    lines = run.open("multisine.nc")
+    if lines is None:
+        return None
+    frequency, level, noise = (lines[n].to_numpy() for n in ("frequency", "output", "noise"))
+    kinds = lines["line_class"].to_numpy().astype(str)
+    unit = str((run.results.get("multisine") or {}).get("unit", ""))
+    scale = scale_for(unit, float(np.nanmax(level)))
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    for kind, (colour, marker, name) in _LOOK.items():
+        here = np.flatnonzero(kinds == kind)
+        here = here[:: max(1, here.size // _MOST)]
+        if here.size:
+            axes.plot(
+                frequency[here],
+                level[here] * scale.factor,
+                marker,
+                color=colour,
+                markersize=2.5,
+                label=name,
+                rasterized=True,
+            )
+    if np.isfinite(noise).any():
+        axes.plot(frequency, noise * scale.factor, **MARK, label="noise")
+    axes.set_yscale("log")
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel(label("output level, rms of a line", scale.symbol))
+    figure.legend(loc="outside upper left", ncols=2, markerscale=2.5)
+    return Picture(
+        "multisine",
+        figure,
+        "Output at every line of the multisine. What stands above the noise on lines that were not excited is "
+        "distortion.",
+        "Level of the output against frequency at excited, odd unexcited and even unexcited lines, with the noise.",
     )
