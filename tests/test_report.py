@@ -30,7 +30,6 @@ from discovery.mechanics import base_names, get_base
 from discovery.mechanics.systems import declare
 from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, evidence, figures, posterior, sentences, story
-from discovery.report.charts import _every, chart_data
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import drive_symbols, model_formulas
 from discovery.report.estimates import posterior_table
@@ -49,6 +48,7 @@ from discovery.report.numbers import (
     uncertain,
     unit_text,
 )
+from discovery.report.page import _every, chart_data
 from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
 from discovery.report.sentences import model_error_words

@@ -31,10 +31,9 @@ class Case:
 
 
 def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
-    """Return the rig files below a folder, at any depth, and the other TOML files there; or the one that is named.
+    """Return the rig files below a folder, or the one that is named, and the other TOML files there.
 
-    A file ``rig*.toml`` is a rig file even where it cannot be read, so that its mistake is told. InputError if there is
-    none, or the one that is named cannot be read.
+    A ``rig*.toml`` counts even where it cannot be read. InputError if there is none, or the named one cannot be read.
     """
     from discovery.foundation.errors import InputError
     from discovery.foundation.io import shown

@@ -33,10 +33,7 @@ def read_state(text: str | None) -> tuple[float, float] | None:
 
 
 def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
-    """Refuse a state in degrees, or in the unit of a column that is not an SI unit, with the same state in SI units.
-
-    The coordinate of an arm is an angle, that of any other system what its output reads: an angle or a length.
-    """
+    """Refuse a state in degrees, or in a column's unit that is not an SI unit, with the same state in SI units."""
     first = dataset.train[0]
     if state is None or first.rig.view is not None or first.reads_acceleration:
         return

@@ -237,10 +237,7 @@ def _number(value: float | None) -> float:
 
 
 def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the numbers that a caller gives for parameters of a model; initial states among them are passed over.
-
-    InputError for a name that is not a parameter of the model, or a value that is not a finite number.
-    """
+    """Return the finite numbers given for parameters of a model, else InputError; initial states are passed over."""
     if values is not None:
         expect(values, Mapping, "values", 'Name the parameters, as in {"alpha": 400.0}.')
     given = {n: _plain(n, v) for n, v in (values or {}).items() if not is_start(str(n))}
@@ -266,8 +263,7 @@ def model_of(source: object) -> Model:
 def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> FittedModel:
     """Return a model with its numbers from whatever a caller has; `values` [SI, radians] replace those of the source.
 
-    A bare model takes its numbers from `values`, then from what it knows. InputError for a name that is not a parameter
-    of the model, or a parameter without a finite value.
+    A bare model also knows some itself. InputError for a name that is no parameter of it, or one without a number.
     """
     model = model_of(source)
     given = given_numbers(model, values)

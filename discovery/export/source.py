@@ -61,10 +61,7 @@ def _body(
 def _slopes(
     printer: NumPyPrinter, program: SymbolicModel, drive: Assignments, inputs: Sequence[sp.Symbol]
 ) -> tuple[list[str], str]:
-    """Return the parameters on which the slopes depend, and the body of the function that returns these.
-
-    It serves arrays as well as the numbers of one state. Of these it returns numbers of one type: so it compiles.
-    """
+    """Return the parameters of the slopes, and the body that returns these, of one type so that it compiles."""
 
     def printed(expression: sp.Expr) -> str:
         return repr(float(expression)) if expression.is_Integer else str(printer.doprint(expression))

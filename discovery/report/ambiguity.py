@@ -212,8 +212,7 @@ def _course(number: int, design: Mapping[str, Any]) -> Picture:
     axes = figure.subplots()
     axes.plot(time, hub_drive(moves).evaluate(time)[0], color=BLUE, linewidth=1.3)
     name, unit = _input_of(design)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(label(name, unit))
+    axes.set(xlabel="time [s]", ylabel=label(name, unit))
     rivals = listed(map(effect_name, laws_apart(design)))
     return Picture(
         f"manoeuvre_{number}",
@@ -239,8 +238,7 @@ def _release(number: int, design: Mapping[str, Any]) -> Picture:
             below.plot(time, reading - predicted[0], color=colour, linewidth=1.1)
     above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(names) if rows == 1 else 1, frameon=False)
     above.set_ylabel(label("reading", design["unit"]))
-    below.set_ylabel(label("apart", design["unit"]))
-    below.set_xlabel("time [s]")
+    below.set(ylabel=label("apart", design["unit"]), xlabel="time [s]")
     rivals, place = listed(names), f"{design['release']:.3g} {design['unit']}"
     return Picture(
         f"manoeuvre_{number}",

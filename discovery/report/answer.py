@@ -32,10 +32,7 @@ _ALONE = rf'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)(?<!{WORD})'
 
 
 def certainty(run: Run) -> list[tuple[str, str]]:
-    """Return how sure each added effect is: its name, and its odds, with the probability of one of the catalogue.
-
-    Effects of which the same is said stand together.
-    """
+    """Return added effects of which the same is said, with their odds, and the probability of one of the catalogue."""
     steps = run.loop["steps"]
     better = {s["effects"][0]: s["numbers"].get("odds") for s in steps if s["action"] == "mechanics" and s["accepted"]}
     found: list[tuple[str, str]] = []

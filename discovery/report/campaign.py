@@ -32,9 +32,8 @@ def build_campaign(
 ) -> Path:
     """Write ``campaign.html``, one file, and ``tables/`` of a campaign, and return the path of the page.
 
-    A case that has a page of its own, ``CASE/report.html``, is linked to it. Rows and pooled parameters are those of
-    `discovery.runs.campaign.rows` and `discovery.runs.campaign.pooled_parameters`. The dashboard is the address of that
-    of the cluster that did the cases; where it is not of the web, it is not linked.
+    Rows and pooled parameters are those of `discovery.runs.campaign`. Cases with a page ``CASE/report.html`` are linked
+    to it, and so is the dashboard of a cluster where its address is of the web.
     """
     tables = {"matrix": _matrix(folder, rows), "worst": _worst(folder, rows)}
     if pooled:

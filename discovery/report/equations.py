@@ -76,10 +76,7 @@ def _multiplied_out(term: sp.Expr, values: Mapping[str, float]) -> sp.Expr:
 
 
 def _one_coordinate(model: Mapping, values: Mapping[str, float]) -> tuple[list[Formula], list[Effect]]:
-    """Return the equation of motion of a system with one coordinate, its modes, and what is read of it.
-
-    The effects that need no formula any more come second.
-    """
+    """Return the motion of one coordinate, its modes and what is read of it, and the effects that are told by that."""
     described = Model(model["base"], tuple(model["effects"]))
     system, terms = described.mechanics.system, equation_terms(described)
     name = coordinate_name(system)
@@ -201,10 +198,7 @@ def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:
 
 
 def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
-    """Return what stands for the input of a system on a line, by symbol: its gains, and u; nothing without an input.
-
-    The model is what `discovery.equations.model.Model.to_dict` gave.
-    """
+    """Return what stands for the input in a `Model.to_dict`, by symbol: its gains, and u; nothing without an input."""
     base = get_base(model["base"])
     if base.system.has_rod or base.places() or undriven(model):
         return {}

@@ -11,7 +11,7 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.foundation.start_names import start_of, start_word
 from discovery.mechanics import get_base
 from discovery.report.numbers import MISSING, in_newtons, interval, rounded, significant, uncertain, unit_text
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import LAWS, MASSES, effect_name

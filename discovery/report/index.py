@@ -44,9 +44,8 @@ _PAGES = {
 def build_index(folder: Path) -> Path:
     """Write ``index.html`` in a folder of runs, and return it; pictures are embedded, pages of the runs are linked.
 
-    Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
-    ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side, ``closed_loop``
-    the controllers. InputError if no subfolder holds results.
+    A subfolder holds a whole run (``results.json``), a loop (``loop.json``), or a page over several recordings (see
+    `_PAGES`). InputError if none holds results.
     """
     whole = [read_run(p.parent) for p in sorted(folder.glob("*/results.json"))]
     loops = [p.parent for p in sorted(folder.glob("*/loop.json")) if not (p.parent / "results.json").exists()]

@@ -127,8 +127,7 @@ def draw_map(run: Run) -> Picture | None:
         edgecolors=GREY, linewidths=0.2,
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [arm lengths]")
-    axes.set_ylabel("y [arm lengths]")
+    axes.set(xlabel="x [arm lengths]", ylabel="y [arm lengths]")
     figure.colorbar(dots, ax=axes, label=label("force", _unit(run)), shrink=0.85)
     return Picture(
         "missing_force_map",

@@ -46,10 +46,7 @@ def block(body: str) -> str:
 
 
 def broken(body: str) -> str:
-    """Return a formula that may be broken before each sign of its outermost sums and equations.
-
-    A browser breaks no line within one formula, but between two: each term is one.
-    """
+    """Return a formula that a browser may break before each sign of its outermost sums: each term is one."""
     terms: list[list[str]] = [[]]
     open_brackets, before = 0, ""
     for node in _outermost(fromstring(f"<mrow>{body}</mrow>")):
@@ -96,10 +93,7 @@ def number(text: str) -> str:
 
 
 def symbol(name: str, dots: int = 0) -> str:
-    """Return a symbol with subscripts after underscores, Greek letters by name, and dots for its time derivatives.
-
-    A LaTeX backslash before a Greek letter is passed over.
-    """
+    """Return a symbol with subscripts after underscores, Greek letters by name, and dots for derivatives."""
     # A name comes from a file: nothing in it is markup.
     head, *tail = str(escape(re.sub(r"\\mathrm|[\\{}]", "", name))).split("_")
     letter = GREEK.get(head, head)
@@ -205,10 +199,7 @@ class _Reader:
 
 
 def formula(text: str) -> str:
-    """Return MathML of a term as results name it, such as ``delta^2 theta_t'`` or ``1 - a delta^2``.
-
-    InputError if the text is not such a formula.
-    """
+    """Return MathML of a term as results name it, such as ``delta^2 theta_t'``; InputError if the text is none."""
     reader = _Reader(text)
     body = reader.sum()
     if reader.peek():

@@ -1,14 +1,22 @@
-"""The page: one self-contained HTML file made of a run's result files."""
+"""The page: one self-contained HTML file made of a run's result files, and what the reader's browser gets."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
+import json
 import os
 import re
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from markupsafe import Markup
+
 from discovery.foundation.arguments import as_path
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.io import atomic_write
 from discovery.report import (
     ambiguity,
@@ -27,10 +35,11 @@ from discovery.report import (
     story,
     words,
 )
-from discovery.report.charts import chart_data, policy, scripts, sheet
 from discovery.report.figures import draw_all, motion
+from discovery.report.figures.motion import channel_name, shown_scale
 from discovery.report.mathml import latex
-from discovery.report.results import Run, read_run
+from discovery.report.numbers import scale_for
+from discovery.report.results import Run, Trajectory, read_run
 from discovery.report.style import Picture, render, styled
 
 if TYPE_CHECKING:
@@ -143,3 +152,126 @@ def environment(*packages: str) -> Environment:
     )
     made.filters |= {"prose": words.page_prose, "sentence": words.sentence, "clause": words.clause, "latex": latex}
     return made
+
+
+#: Samples of a recording that a chart holds.
+_MOST = 12_000
+#: Change between two shown samples over the spread of the signal: twenty samples a period keep its shape.
+_SMOOTH = 0.3
+#: Recordings of a chart.
+_RECORDINGS = 6
+#: The integer that stands for a gap, and the largest one that stands for a value.
+_GAP, _LARGEST = -32768, 32767
+#: Files of `assets` in the order in which they run: the plotting library (MIT licence beside it), and the page's own.
+_SCRIPTS = ("uPlot.iife.min.js", "page.js", "chart.js")
+
+
+def chart_data(run: Run) -> Markup | None:
+    """Return the recordings with what each model leaves of them, as JSON that can stand in a script element.
+
+    A list with an entry a recording, the held-out ones first: `name`, `role`, `time` and `channels`. A channel has
+    `measured`, and `left`, by model the model minus the measurement. None where no trajectory is stored.
+    """
+    held = [t.name for t in run.held_out]
+    ordered = sorted(run.trajectories, key=lambda t: t.name not in held)
+    entries = [_entry(run, t) for t in ordered[:_RECORDINGS] if np.isfinite(t.measured).any()]
+    if not entries:
+        return None
+    # Names come from files: nothing in them ends the script element.
+    text = json.dumps(entries, ensure_ascii=True, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def _entry(run: Run, trajectory: Trajectory) -> dict[str, Any]:
+    every = _every(trajectory.measured)
+    role = {"train": "fitted", "holdout": "held out"}.get(trajectory.role, trajectory.role)
+    if trajectory.role == "train" and not trajectory.fitted.all():
+        role = "first part fitted"
+    if -(-trajectory.time.size // every) > _MOST:
+        role = f"{role}, first {trajectory.time[_MOST * every] - trajectory.time[0]:.3g} s"
+    noise = next(r["noise"] for r in run.results["recordings"] if r["name"] == trajectory.name)
+    return {
+        "name": trajectory.name,
+        "role": role,
+        "time": _time(trajectory.time[::every][:_MOST]),
+        "channels": [_channel(run, trajectory, c, noise[c], every) for c in range(len(trajectory.channels))],
+    }
+
+
+def _every(measured: FloatArray) -> int:
+    """Return which samples are shown, every one, every second ...: as few as are held, but enough to keep the shape."""
+    spread = np.nanstd(measured, axis=0)
+    every = 1
+    while measured.shape[0] > every * _MOST:
+        change = measured[every + 1 :] - measured[: -every - 1]
+        # Where readings were left out, no two may be so far apart.
+        told = np.isfinite(change).any(axis=0).all()
+        if not told or not np.all(np.sqrt(np.nanmean(change**2, axis=0)) <= _SMOOTH * spread):
+            break
+        every += 1
+    return every
+
+
+def _channel(run: Run, trajectory: Trajectory, c: int, noise: float, every: int) -> dict[str, Any]:
+    measured, unit = trajectory.measured[::every, c][:_MOST], trajectory.units[c]
+    shown = shown_scale(trajectory, c, run.coordinate_unit)
+    left = {
+        m: trajectory.models[m][::every, c][:_MOST] - measured for m in ("before", "after") if m in trajectory.models
+    }
+    largest = [float(np.nanmax(np.abs(v))) for v in left.values() if np.isfinite(v).any()]
+    scale = scale_for(unit, min(largest, default=1.0))
+    return {
+        "name": channel_name(run, trajectory.channels[c]),
+        "unit": shown.symbol,
+        "factor": scale.factor / shown.factor,
+        "small": scale.symbol,
+        "noise": noise * shown.factor,
+        "measured": _packed(measured * shown.factor),
+        "left": {model: _packed(values * shown.factor) for model, values in left.items()},
+    }
+
+
+def _time(time: FloatArray) -> dict[str, Any]:
+    """Return evenly spaced time by its start and step, else every value."""
+    step = (time[-1] - time[0]) / max(1, time.size - 1)
+    even = time[0] + step * np.arange(time.size)
+    if np.abs(even - time).max() < 0.01 * step:
+        return {"start": float(f"{time[0]:.9g}"), "step": float(f"{step:.9g}"), "n": int(time.size)}
+    return {"values": [float(f"{t:.7g}") for t in time], "n": int(time.size)}
+
+
+def _packed(values: FloatArray) -> dict[str, Any]:
+    """Return values as 16-bit integers, each a 65 000th of the range: far below what an instrument reads."""
+    good = values[np.isfinite(values)]
+    low, high = (float(good.min()), float(good.max())) if good.size else (0.0, 0.0)
+    step = (high - low) / (2 * _LARGEST) or 1.0
+    whole = np.where(np.isfinite(values), np.rint((np.nan_to_num(values) - low) / step) - _LARGEST, _GAP)
+    data = base64.b64encode(whole.astype("<i2").tobytes()).decode("ascii")
+    return {"low": low, "step": step, "data": data}
+
+
+@cache
+def _asset(name: str) -> str:
+    return (files("discovery.report") / "assets" / name).read_text(encoding="utf-8")
+
+
+def scripts(*, chart: bool) -> list[Markup]:
+    """Return the text of every script of a page; those of the live chart only where there is one."""
+    return [Markup(_asset(name)) for name in _SCRIPTS if chart or name == "page.js"]
+
+
+def sheet() -> Markup:
+    """Return the style sheet of the plotting library."""
+    return Markup(_asset("uPlot.min.css"))
+
+
+def policy(*, chart: bool) -> str:
+    """Return the content-security policy: no request at all, and only scripts with these hashes."""
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+        for text in scripts(chart=chart)
+    )
+    return (
+        f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {hashes}; "
+        "base-uri 'none'; form-action 'none'"
+    )

@@ -1,9 +1,10 @@
-"""What to cite: the sources of exactly the effects and methods that a run used."""
+"""What to cite: the sources of exactly the effects and methods that a run used, and the source paper's own numbers."""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -12,7 +13,6 @@ from markupsafe import Markup
 from discovery.declarations.registry import get_effect
 from discovery.report.effect_formulas import effect_formula, placed_formula
 from discovery.report.mathml import inline, latex
-from discovery.report.paper import paper_numbers
 from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title, in_catalogue
@@ -64,3 +64,10 @@ def _there(results: Any, part: str) -> bool:
     for name in part.split("."):
         results = (results or {}).get(name)
     return bool(results)
+
+
+@cache
+def paper_numbers() -> dict[str, Any]:
+    """Return rig, parameters, manoeuvre and errors that the paper prints, in SI units; see ``published.toml``."""
+    text = files("discovery.report").joinpath("templates/published.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)

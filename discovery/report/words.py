@@ -116,10 +116,7 @@ def deflection_unit(run: Run) -> str:
 
 
 def error_groups(run: Run) -> dict[str, str]:
-    """Return the groups of recordings by which errors are reported, in the words of a reader.
-
-    Held-out recordings are told apart by whether they stay inside the trained range only where there are both kinds.
-    """
+    """Return the groups of recordings by which errors are reported, in the words of a reader."""
     errors = run.loop["errors"]["before"]
     reach = "deflection" if run.system.has_rod else "range"
     inside, outside = f"inside the trained {reach}", f"beyond the trained {reach}"

@@ -25,11 +25,10 @@ def in_its_units(found: Fit, context: Context, whole: Context) -> tuple[Fit, Con
 
 
 def sought(found: Fit, context: Context) -> Fit:
-    """Return the fit of a declared model from the best start of each of its declared effects.
+    """Return the fit of a declared model from the best start of each of its declared effects that have several.
 
-    A frequency or a number of teeth has many minima. Every effect whose shape has several starts is taken out,
-    screened beside the others and refitted from all of them; the fit changes where that gains as many nats as a
-    candidate must.
+    Each is taken out, screened beside the others and refitted from all of its starts: a frequency or a number of teeth
+    has many minima. The fit changes where that gains as many nats as a candidate must.
     """
     declared = [e for e in found.model.effects if e in context.train[0].rig.declared]
     for effect in (e for e in declared if any(p.shape and len(p.starts) > 1 for p in get_effect(e).parameters())):

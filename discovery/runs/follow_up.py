@@ -58,8 +58,7 @@ def separations(search: Search, found: Mapping[str, Named], context: Context) ->
 def told_apart(effect: str, group: Sequence[str]) -> list[str]:
     """Return the rivals that a manoeuvre should tell from an effect and from each other.
 
-    Where a law contains another, no manoeuvre tells them apart unless the readings did: that is asked where there is no
-    other rival.
+    Where a law contains another only the readings can: that is asked where there is no other rival.
     """
     chosen = [effect]
     for rival in group:

@@ -98,10 +98,8 @@ def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, d
 def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:
     """Write what the instrument would read before and after the loop, with standard deviations, to prediction.csv.
 
-    The motion begins at a deflection and a rate, in the static equilibrium at rest otherwise. The declared model may
-    blow up beyond the motions that it was fitted to: its columns are empty then, and what is returned says why.
-
-    Raises ComputationError if the final model has no prediction.
+    The motion begins at a deflection and a rate, at rest otherwise. Where the declared model blows up its columns are
+    empty, and what is returned says why; ComputationError if the final model does.
     """
     import pandas as pd
 

@@ -150,10 +150,8 @@ def save_failed(out: Path, loop: FailedLoop, *, seed: int = 1, note: str = "") -
 def add_posterior(found: Answer, *, progress: Tell = silent, seconds: float = math.inf) -> dict[str, Any]:
     """Sample the posterior of a run whose answer is saved, study it, save it, and return what results.json holds.
 
-    What is not done after so many seconds, saving left out, is left out, and results.json says so. The chains stay: the
-    same run goes on with them. A limit holds in the main thread only.
-
-    Raises ComputationError if there is no posterior; results.json says why.
+    What is not done after so many seconds is left out; the same run goes on with its chains. A limit holds in the main
+    thread only. ComputationError if there is no posterior; results.json says why.
     """
     done, checkpoint = Sampled(), found.out / "posterior_chains.h5"
     failed = None
@@ -198,10 +196,7 @@ def _came_as_far(kept: Mapping[str, Any], done: Sampled) -> bool:
 
 
 def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) -> dict[str, Any]:
-    """Save a run with what there is of its posterior, and return the content of results.json.
-
-    The first time, what the folder holds is of another run.
-    """
+    """Save a run with what there is of its posterior, at `first` over another run's, and return its results.json."""
     dataset, posterior, study = found.dataset, done.posterior, done.study
     elastica = stages.predicted(dataset, posterior, seed=found.seed, progress=progress)
     progress("saving results")

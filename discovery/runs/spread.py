@@ -42,42 +42,20 @@ def spread(
     limit: float | None = None,
     heard: Callable[[str], object] | None = None,
 ) -> Iterator[Outcome]:
-    """Do cases on several processes, or on a cluster, and yield the outcome of each as it is done.
+    """Do cases on several processes, or on a cluster, and yield the `Outcome` of each as it ends, failed ones too.
 
-    Cases are taken from `cases` as workers become free, so neither they nor the outcomes pile up in this process. The
-    processes import the calling script: it must do its work under ``if __name__ == "__main__"``.
+    The work is called with what a case needs and its seed (see `case_seed`), and returns what JSON can hold; it and the
+    cases must be picklable. Cases are taken as workers become free, so neither they nor the outcomes pile up here. The
+    processes, `workers` of one thread each, import the calling script: it must do its work under
+    ``if __name__ == "__main__"``. A single one is this process.
 
-    Parameters
-    ----------
-    work : callable
-        Called with what a case needs and its seed, returns what JSON can hold. It and the cases must be picklable.
-    cases : iterable of (str, object)
-        Name, and what its work needs.
-    seed : int
-        Common seed, see `case_seed`.
-    workers : int
-        Processes on this machine, one thread each; a single one is this process.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers are used instead, for example ``"tcp://host:8786"``; by default the
-        environment variable ``DISCOVERY_SCHEDULER``. Without one, nothing listens on any port.
-    insecure : bool
-        Accept a scheduler of another machine without TLS, through which others of its network can run code.
-    limit : float, optional
-        Seconds that a case may take. A worker whose work does not heed them is ended; this process is not.
-    heard : callable, optional
-        Receives the address of the cluster's dashboard, where it has one.
+    With the address of a Dask `scheduler`, such as ``"tcp://host:8786"``, by default that in ``DISCOVERY_SCHEDULER``,
+    its workers are used instead, and `heard` receives the address of its dashboard, if any. One of another machine
+    without TLS, through which others of its network can run code, is used if `insecure`. Without one nothing listens on
+    any port. A case may take `limit` seconds; a worker whose work does not heed them is ended, but not this process.
 
-    Yields
-    ------
-    Outcome
-        In the order in which they end. A case that raises, exceeds its limit or takes its process down is one, too.
-
-    Raises
-    ------
-    InputError
-        If there is no scheduler at that address, no worker, or others could run code through it.
-    ComputationError
-        If a cluster has lost its last worker, and no other comes.
+    InputError if there is no scheduler at that address, no worker, or others could run code through it;
+    ComputationError if a cluster has lost its last worker, and no other comes.
     """
     address = scheduler or os.environ.get(SCHEDULER)
     if address is None and workers == 1:

@@ -145,8 +145,7 @@ def draw_phase(run: Run) -> Picture | None:
             look = {**LINES[model], "linewidth": 0.8}
             axes.plot(*portrait, **look)
     unit, what = run.coordinate_unit, "deflection" if run.system.has_rod else run.output_name
-    axes.set_xlabel(label(what, unit))
-    axes.set_ylabel(label("its rate", f"{unit}/s"))
+    axes.set(xlabel=label(what, unit), ylabel=label("its rate", f"{unit}/s"))
     figure.legend(loc="outside upper left", ncols=2)
     return Picture(
         "phase",
@@ -170,8 +169,7 @@ def draw_amplitude(run: Run) -> Picture | None:
         for axis, variable in ((top, "frequency"), (bottom, "damping")):
             axis.plot(data["amplitude"].to_numpy()[order], data[variable].to_numpy()[order], **look)
     top.set_ylabel(label("frequency", "Hz"))
-    bottom.set_ylabel(label("decay rate", "1/s"))
-    bottom.set_xlabel(label("amplitude", deflection_unit(run)))
+    bottom.set(ylabel=label("decay rate", "1/s"), xlabel=label("amplitude", deflection_unit(run)))
     figure.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     recording = curves["measured"].attrs.get("recording", "a recording")
     return Picture(
@@ -217,9 +215,7 @@ def draw_multisine(run: Run) -> Picture | None:
             )
     if np.isfinite(noise).any():
         axes.plot(frequency, noise * scale.factor, **MARK, label="noise")
-    axes.set_yscale("log")
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel(label("output level, rms of a line", scale.symbol))
+    axes.set(yscale="log", xlabel="frequency [Hz]", ylabel=label("output level, rms of a line", scale.symbol))
     figure.legend(loc="outside upper left", ncols=2, markerscale=2.5)
     return Picture(
         "multisine",

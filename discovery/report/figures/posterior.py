@@ -147,8 +147,7 @@ def draw_marginals(run: Run) -> Picture | None:
         axis.set_visible(False)
     for axis, p in zip(axes, profiles, strict=False):
         _draw_curves(axis, p, run.draws[p["name"]])
-        axis.set_xlabel(quantity_label(p["name"], unit_text(units[p["name"]], run.coordinate_unit)))
-        axis.set_ylim(0, 1.08)
+        axis.set(xlabel=quantity_label(p["name"], unit_text(units[p["name"]], run.coordinate_unit)), ylim=(0, 1.08))
         axis.locator_params(axis="x", nbins=3)
         if p["name"] in contraction:
             axis.set_title(f"contraction {near_one(contraction[p['name']])}", fontsize=8.5, color=GREY)

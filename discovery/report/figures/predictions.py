@@ -51,8 +51,7 @@ def draw_comparison(run: Run) -> Picture | None:
     if noise:
         below.axhspan(-2 * noise * scale.factor, 2 * noise * scale.factor, color=GREY, alpha=0.25, linewidth=0)
     above.set_ylabel(side_label(channel_name(run, shown.channels[0]), motion.symbol))
-    below.set_ylabel(label("error", scale.symbol))
-    below.set_xlabel("time [s]")
+    below.set(ylabel=label("error", scale.symbol), xlabel="time [s]")
     figure.align_ylabels()
     figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=3)
     role = "held out" if shown.role == "holdout" or not shown.fitted.all() else "fitted"
@@ -95,8 +94,7 @@ def _distances(axes: Axes, trajectory: Trajectory) -> None:
         axes.semilogy(trajectory.time[edges], largest, **LINES[model], drawstyle="steps-post")
     axes.set_xlim(trajectory.time[0], trajectory.time[-1])
     plain_log(axes.yaxis)
-    axes.set_ylabel(label("error", scale.symbol))
-    axes.set_xlabel("time [s]")
+    axes.set(ylabel=label("error", scale.symbol), xlabel="time [s]")
 
 
 def _history(run: Run, trajectory: Trajectory) -> Picture:

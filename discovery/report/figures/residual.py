@@ -57,8 +57,7 @@ def draw_spectrum(run: Run) -> Picture | None:
         axes.loglog(frequency[1:], density[1:], **LINES[model])
     # The spectrum reaches half the sampling rate; white noise of unit variance has this one-sided density.
     axes.axhline(1.0 / frequency[-1], **MARK, label="noise alone")
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("residual density [noise sds² / Hz]")
+    axes.set(xlabel="frequency [Hz]", ylabel="residual density [noise sds² / Hz]")
     figure.legend(loc="outside upper left", ncols=2)
     name = next(r["name"] for r in run.results["recordings"] if r["role"] == "train")
     return Picture(
@@ -76,10 +75,7 @@ _BAND = 2.576
 
 
 def correlation(a: FloatArray, b: FloatArray, most: int) -> FloatArray:
-    """Return the correlation (most + 1,) of a (n,) with b so many samples earlier, for lags 0 to `most`.
-
-    NaN marks gaps, which count as the mean; it is zero where either series does not vary.
-    """
+    """Return the correlation (most + 1,) of a (n,) with b up to `most` samples earlier; gaps count as the mean."""
     x, y = (np.nan_to_num(v - np.nanmean(v)) for v in (a, b))
     size = np.sqrt(np.sum(x**2) * np.sum(y**2))
     if not size:
@@ -132,8 +128,7 @@ def _panel(axes: Axes, shown: Trajectory, pairs: dict[str, tuple[FloatArray, Flo
     axes.axhspan(-wide, wide, color=GREY, alpha=0.25, linewidth=0)
     for model, (a, b) in pairs.items():
         axes.plot(lags, correlation(a, b, most), **LINES[model])
-    axes.set_ylabel(f"correlation\n{what}")
-    axes.set_xlim(0, lags[-1])
+    axes.set(ylabel=f"correlation\n{what}", xlim=(0, lags[-1]))
 
 
 #: Segments that a recording is cut into, overlapping by half, and their fewest samples.
@@ -194,8 +189,7 @@ def draw_bode(run: Run) -> Picture | None:
         below.semilogx(frequency[good], np.degrees(np.unwrap(np.angle(ratio[good]))), **look)
     gain = f"{unit_text(shown.units[0], run.coordinate_unit)}/{unit_text(run.input_unit)}" if run.input_unit else ""
     above.set_ylabel(label("gain", gain))
-    below.set_ylabel(label("phase", "deg"))
-    below.set_xlabel("frequency [Hz]")
+    below.set(ylabel=label("phase", "deg"), xlabel="frequency [Hz]")
     plain_log(below.xaxis)
     figure.align_ylabels()
     figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=2)

@@ -224,8 +224,7 @@ def draw_model_error(run: Run) -> Picture:
     low, high = _BELOW * min(known), _ABOVE * max(known)
     figure = new_figure(2.1)
     axes = figure.subplots()
-    axes.set_xscale("log")
-    axes.set_xlim(low, high)
+    axes.set(xscale="log", xlim=(low, high))
     for row, (key, (_, colour)) in enumerate(_ROWS.items()):
         value = sizes[key] * scale.factor if key in sizes else None
         if value:
