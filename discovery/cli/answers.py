@@ -10,9 +10,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from discovery.cli.folders import results_folder
-from discovery.cli.initial_state import check_state, read_state
 from discovery.cli.loop_page import check_parts, remove_page, write_failed_page, write_page
-from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress
+from discovery.cli.options import (
+    PATH,
+    Seconds,
+    check_state,
+    load,
+    note,
+    once,
+    options,
+    print_json,
+    progress,
+    read_state,
+)
 from discovery.cli.say import doubts, say_doubts, say_failed, say_left_out, say_loop, say_missing
 from discovery.cli.streams import spoken
 

@@ -93,16 +93,7 @@ def found_cases(
             while name in cases or name == "cases":
                 count += 1
                 name = f"{wanted}_{count}"
-            cases[name] = Case(
-                rig.resolve(),
-                files,
-                holdout=holdout,
-                own=own,
-                only=only,
-                out=out.resolve() / name,
-                seed=seed,
-                page=page,
-            )
+            cases[name] = Case(rig.resolve(), files, holdout, own, only, out.resolve() / name, seed=seed, page=page)
     return list(cases.items())
 
 

@@ -128,18 +128,9 @@ def _card(effect_id: str, effect: Any) -> dict[str, Any]:
 
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
 _WORDS = {
-    **{
-        r"\,": " ",
-        r"\ ": " ",
-        r"\to": " -> ",
-        r"\le": " <= ",
-        r"\approx": " ~ ",
-        r"\dots": "...",
-        r"\int": " integral",
-    },
-    **dict.fromkeys((r"\left", r"\right", r"\Bigl", r"\Bigr"), ""),
-    **{r"\varrho": " rho", r"\varphi": " phi"},
-}
+    r"\,": " ", r"\ ": " ", r"\to": " -> ", r"\le": " <= ", r"\approx": " ~ ", r"\dots": "...", r"\int": " integral",
+    r"\varrho": " rho", r"\varphi": " phi", r"\left": "", r"\right": "", r"\Bigl": "", r"\Bigr": "",
+}  # fmt: skip
 _FRACTIONS = (r"\frac", r"\tfrac")
 _FUNCTIONS = (r"\sin", r"\cos", r"\arctan", r"\max")
 _DOTS = {r"\dot": "'", r"\ddot": "''"}

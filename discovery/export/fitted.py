@@ -165,18 +165,10 @@ class FittedModel:
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-ready description; numbers that are missing are null."""
         sd = self.sd
-        rows = []
+        rows: list[dict[str, Any]] = []
         for name, parameter in self.model.parameters.items():
-            rows.append(
-                {
-                    "name": name,
-                    "value": self.values[name],
-                    "sd": _null(sd.get(name, math.nan)),
-                    "unit": self.unit_of(name),
-                    "meaning": parameter.meaning,
-                    "fitted": name in self.fitted,
-                }
-            )
+            value = {"value": self.values[name], "sd": _null(sd.get(name, math.nan)), "unit": self.unit_of(name)}
+            rows.append({"name": name, **value, "meaning": parameter.meaning, "fitted": name in self.fitted})
         return {
             "model": self.model.to_dict(),
             "parameters": rows,

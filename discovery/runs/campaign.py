@@ -38,18 +38,14 @@ def campaign(
     settings: Mapping[str, Any] | None = None,
     origins: Mapping[str, Mapping[str, Any]] | None = None,
     seed: int = 0,
-    workers: int = 2,
-    scheduler: str | None = None,
-    insecure: bool = False,
-    limit: float | None = None,
-    heard: Callable[[str], object] | None = None,
+    **how: Any,
 ) -> Iterator[Outcome]:
     """Do the cases that are not done yet, and keep every outcome on disk as it comes; yield the outcomes of these.
 
     The next call goes on where this one was interrupted; cases that failed or whose origin has changed are done again.
     Outcomes go to ``cases/NAME.json`` in the folder, whole or not at all. What else all of them depend on is in
-    `settings`, what one is made from, such as hashes of files, in `origins` by its name: both JSON-ready. For the rest
-    see `discovery.runs.spread.spread`.
+    `settings`, what one is made from, such as hashes of files, in `origins` by its name: both JSON-ready. How they are
+    done goes to `discovery.runs.spread.spread`.
 
     InputError if the folder holds outcomes under another seed or other settings.
     """
@@ -61,9 +57,7 @@ def campaign(
     def outcomes() -> Iterator[Outcome]:
         if (first := next(waiting, None)) is None:
             return
-        left = chain([first], waiting)
-        where: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "insecure": insecure}
-        for outcome in spread(work, left, seed=seed, limit=limit, heard=heard, **where):
+        for outcome in spread(work, chain([first], waiting), seed=seed, **how):
             origin = {"origin": known[outcome.name]} if outcome.name in known else {}
             write_json(_file(folder, outcome.name), asdict(outcome) | origin)
             yield outcome

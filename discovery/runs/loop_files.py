@@ -72,13 +72,14 @@ def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: Mis
         "scope": "loop",
         "clean": to_clean(dataset, predictions),
     }
-    save_curves(folder, dataset, predictions=predictions, bands=(), posterior=None, discovered=None, elastica=None)
-    if missing is not None:
-        curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
+    save_curves(folder, dataset, predictions, missing=missing)
     write_json(folder / "results.json", content)
 
 
-def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, discovered, elastica) -> None:
+def save_curves(
+    folder: Path, dataset: Dataset, predictions, *, bands=(), posterior=None, discovered=None, elastica=None,
+    missing: MissingForce | None = None,
+) -> None:  # fmt: skip
     """Save what the report draws."""
     curves.save_groups(folder / "trajectories.nc", curves.trajectories(dataset, predictions, bands))
     period = 2 * np.pi * natural_units(dataset.train).time
@@ -93,6 +94,8 @@ def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, d
         curves.save_groups(folder / "laws.nc", groups)
     if discovered is not None and discovered.multisine is not None:
         curves.save_groups(folder / "multisine.nc", {"/": curves.lines(discovered.multisine)})
+    if missing is not None:
+        curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
 
 
 def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:

@@ -201,7 +201,7 @@ def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) 
     elastica = stages.predicted(dataset, posterior, seed=found.seed, progress=progress)
     progress("saving results")
     content = {**found.content, **done.summary(found), "elastica": elastica}
-    out, bands = found.out, study.bands if study else ()
+    out = found.out
     # Results of one run belong together: they are written beside and moved in place when all are there.
     # An interrupted command beside this one may have removed the folder while it was empty.
     out.mkdir(parents=True, exist_ok=True)
@@ -211,17 +211,8 @@ def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) 
             posterior.to_netcdf(beside / "posterior.nc", dataset)
         if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
-        save_curves(
-            beside,
-            dataset,
-            predictions=found.predictions,
-            bands=bands,
-            posterior=posterior,
-            discovered=found.discovered,
-            elastica=elastica,
-        )
-        if found.missing is not None:
-            curves.save_groups(beside / "force.nc", curves.forces(found.missing.forces))
+        drawn = {"bands": study.bands if study else (), "posterior": posterior, "elastica": elastica}
+        save_curves(beside, dataset, found.predictions, discovered=found.discovered, missing=found.missing, **drawn)
         write_loop(beside, found.loop, alone=False)
         files = hashes(beside, sorted(path.name for path in beside.iterdir()))
         content["provenance"] = {**content["provenance"], "files": files}

@@ -149,13 +149,7 @@ def predicted(dataset: Dataset, posterior, *, seed: int = 1, progress: Tell = si
     from discovery.theory.prediction import predict
 
     rig = dataset.rig
-    if (
-        not System.of(rig.kind).has_rod
-        or rig.flexural_rigidity is None
-        or rig.tip_mass is None
-        or rig.length is None
-        or rig.beam_mass is None
-    ):
+    if not System.of(rig.kind).has_rod or None in (rig.flexural_rigidity, rig.tip_mass, rig.length, rig.beam_mass):
         return None
     progress("checking against the elastica")
     rng = np.random.default_rng(stage_seed(seed, "elastica"))
