@@ -65,17 +65,10 @@ def reconciliations_table(run: Run) -> Table | None:
     cells, raw = [], []
     for c in tested["contradictions"]:
         for t in c["tried"]:
-            cells.append(
-                [
-                    symbol_of(c["parameter"]),
-                    effect_name(t["id"]),
-                    page_prose(values_text(t["parameters"], run.coordinate_unit)),
-                    significant(t["value"], 5),
-                    significant(t["z"], 2),
-                    significant(t["odds"]),
-                    "yes" if t["reconciles"] else "no",
-                ]
-            )
+            values = page_prose(values_text(t["parameters"], run.coordinate_unit))
+            apart = [significant(t["value"], 5), significant(t["z"], 2), significant(t["odds"])]
+            reconciles = "yes" if t["reconciles"] else "no"
+            cells.append([symbol_of(c["parameter"]), effect_name(t["id"]), values, *apart, reconciles])
             raw.append([c["parameter"], t["id"], t["value"], t["z"], t["odds"], t["reconciles"]])
     if not cells:
         return None
@@ -167,18 +160,9 @@ def contradictions_table(run: Run) -> Table | None:
     for c in tested["checks"]:
         names = reconciling.get(c["parameter"], [])
         outcome = listed(effect_name(e) for e in names) or "nothing in the catalogue" if c["contradicts"] else MISSING
-        unit = unit_text(c["unit"], run.coordinate_unit)
-        cells.append(
-            [
-                symbol_of(c["parameter"]),
-                uncertain(c["value"], c["sd"]),
-                uncertain(c["predicted"], c["predicted_sd"]),
-                unit,
-                significant(c["z"], 2),
-                significant(c["odds"], 2),
-                outcome,
-            ]
-        )
+        values = [uncertain(c["value"], c["sd"]), uncertain(c["predicted"], c["predicted_sd"])]
+        unit, apart = unit_text(c["unit"], run.coordinate_unit), [significant(c[k], 2) for k in ("z", "odds")]
+        cells.append([symbol_of(c["parameter"]), *values, unit, *apart, outcome])
         raw.append([*(c[k] for k in keys), "; ".join(names)])
     apart = ("difference [sds]", "log odds [nats]", "reconciled by")
     head = ("parameter", "fitted ± sd", "predicted ± sd", "unit", *apart)

@@ -41,7 +41,7 @@ def build_campaign(
     for table in tables.values():
         written(folder / "tables" / f"{table.name}.csv", table.csv())
     with styled():
-        figures = [embed(folder, picture) for picture in _specimens(pooled)]
+        figures = [embed(folder, _specimen(i, parameter)) for i, parameter in enumerate(pooled[:_PARAMETERS])]
     context = {
         "answer": _answer(rows),
         "many": len(rows) > _MANY,
@@ -149,11 +149,6 @@ def _pooled(pooled: Sequence[Mapping[str, Any]]) -> Table:
 _PARAMETERS, _NAMED, _LETTERS = 12, 25, 14
 #: Standard deviations of an interval of 95 %.
 _WIDE = 1.96
-
-
-def _specimens(pooled: Sequence[Mapping[str, Any]]) -> list[Picture]:
-    """Return pictures of the parameters that most cases have, from `discovery.runs.campaign.pooled_parameters`."""
-    return [_specimen(i, parameter) for i, parameter in enumerate(pooled[:_PARAMETERS])]
 
 
 def _short(name: str) -> str:

@@ -13,7 +13,7 @@ from discovery.mechanics import get_base
 from discovery.report.numbers import MISSING, in_newtons, interval, rounded, significant, uncertain, unit_text
 from discovery.report.references import paper_numbers
 from discovery.report.results import Run
-from discovery.report.tables import Table, name_cell
+from discovery.report.tables import Cell, Table, name_cell
 from discovery.report.words import LAWS, MASSES, effect_name
 
 #: Columns of a summary that tell how well the mean and the quantiles are known from the draws.
@@ -87,18 +87,11 @@ def posterior_table(run: Run) -> Table | None:
     declared, paper = sampled_parameters(run), published(run).get("parameters", {})
     cells = []
     for r in rows:
-        sd = r["sd"]
-        cells.append(
-            [
-                _symbol(r["name"], declared),
-                _meaning(r["name"], declared, _noise_words(r, run)),
-                unit_of(r["name"], r["unit"], run),
-                uncertain(r["mean"], sd),
-                *(rounded(r[q], sd) for q in ("q05", "q50", "q95")),
-                uncertain(r["fit_value"], r["fit_sd"]),
-                *([significant(paper.get(r["name"]), 4)] if paper else []),
-            ]
-        )
+        name, sd = r["name"], r["sd"]
+        about = [_symbol(name, declared), _meaning(name, declared, _noise_words(r, run)), unit_of(name, r["unit"], run)]
+        draws = [uncertain(r["mean"], sd), *(rounded(r[q], sd) for q in ("q05", "q50", "q95"))]
+        beside = [significant(paper.get(name), 4)] if paper else []
+        cells.append([*about, *draws, uncertain(r["fit_value"], r["fit_sd"]), *beside])
     known = [k for k in _DIAGNOSTICS if any(k in r for r in rows)]
     head = (
         "", "meaning", "unit", "mean ± sd", "5 %", "50 %", "95 %", "fit ± sd",
@@ -140,16 +133,10 @@ def nuisance_table(run: Run) -> Table | None:
     rows = [r for r in run.posterior.get("rows", ()) if r["name"] not in shown]
     if not rows:
         return None
-    unit = run.coordinate_unit
-    cells = [
-        [
-            start_words(r["name"]),
-            unit_text(r["unit"], unit),
-            uncertain(r["mean"], r["sd"]),
-            interval(r["q05"], r["q95"]),
-        ]
-        for r in rows
-    ]
+    cells: list[list[Cell]] = []
+    for r in rows:
+        values = [uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])]
+        cells.append([start_words(r["name"]), unit_text(r["unit"], run.coordinate_unit), *values])
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95")
     head = ("", "unit", "mean ± sd", "90 % interval")
     caption = "Initial states, sampled with the parameters."
@@ -165,17 +152,10 @@ def final_table(run: Run) -> Table:
         if "[" in name:
             continue
         old = before.get(name)
-        cells.append(
-            [
-                _symbol(name, declared),
-                _meaning(name, declared),
-                unit_of(name, p["unit"], run),
-                uncertain(p["value"], p["sd"]),
-                uncertain(old["value"], old["sd"]) if old else MISSING,
-                *([in_newtons(physical.get(name)) or MISSING] if physical else []),
-                p.get("reason", ""),
-            ]
-        )
+        about = [_symbol(name, declared), _meaning(name, declared), unit_of(name, p["unit"], run)]
+        both = [uncertain(p["value"], p["sd"]), uncertain(old["value"], old["sd"]) if old else MISSING]
+        forces = [in_newtons(physical.get(name)) or MISSING] if physical else []
+        cells.append([*about, *both, *forces, p.get("reason", "")])
         raw.append([name, p["unit"], p["value"], p["sd"], p.get("reason", "")])
     told = ["in newtons and kilograms"] if physical else []
     unsure = any(row[-1] for row in cells)
@@ -210,17 +190,10 @@ def elastica_table(run: Run) -> Table | None:
         r = rows[0]
         masses = dict.fromkeys(MASSES.get(x["mass"], x["mass"]) for x in rows)
         laws = dict.fromkeys(LAWS.get(x["law"], x["law"]) for x in rows)
-        cells.append(
-            [
-                name_cell(r["parameter"]),
-                unit_text(r["unit"]),
-                "either" if len(masses) > 1 else next(iter(masses)),
-                "; ".join(laws),
-                uncertain(r["posterior_mean"], r["posterior_sd"]),
-                uncertain(r["predicted_mean"], r["predicted_sd"]),
-                significant(r["discrepancy"], 2) if r["discrepancy"] is not None else "∞",
-            ]
-        )
+        about = [name_cell(r["parameter"]), unit_text(r["unit"]), "either" if len(masses) > 1 else next(iter(masses))]
+        both = [uncertain(r[f"{of}_mean"], r[f"{of}_sd"]) for of in ("posterior", "predicted")]
+        apart = significant(r["discrepancy"], 2) if r["discrepancy"] is not None else "∞"
+        cells.append([*about, "; ".join(laws), *both, apart])
     head = ("", "unit", "rod’s mass", "law", "posterior ± sd", "elastica ± sd", "difference [sd]")
     means = ("posterior_mean", "posterior_sd", "predicted_mean", "predicted_sd")
     keys = ("mass", "law", "parameter", "unit", *means, "difference", "discrepancy")

@@ -77,7 +77,7 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
     """Return what a card says of a run."""
     errors = loop["errors"]
     group, scale = held_group(errors), error_scale(errors)
-    page = folder / "report.html"
+    page, system = folder / "report.html", get_base(loop["model"]["after"]["model"]["base"]).system
     picture = _PICTURE.search(page.read_text(encoding="utf-8")) if page.is_file() else None
     return {
         "folder": folder.name,
@@ -86,7 +86,7 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
         "about": about,
         "verdict": loop["verdict"],
         "verdict_words": effect_name(loop["verdict"]),
-        "found": [_effect(e, _coordinate(loop)) for e in loop["effects"]],
+        "found": [_effect(e, system.coordinate_unit(str(errors["unit"]))) for e in loop["effects"]],
         "before": scale.text(errors["before"][group]["rms"]),
         "after": scale.text(errors["after"][group]["rms"]),
         "floor": scale.text(errors["noise_floor"]),
@@ -95,12 +95,6 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
         "picture": picture[1] if picture else "",
         "alt": picture[2] if picture else "",
     }
-
-
-def _coordinate(loop: Mapping[str, Any]) -> str:
-    """Return the unit of the coordinate: rad for an arm, else that of the output."""
-    system = get_base(loop["model"]["after"]["model"]["base"]).system
-    return system.coordinate_unit(str(loop["errors"]["unit"]))
 
 
 def _effect(effect: Mapping[str, Any], coordinate: str) -> str:

@@ -26,18 +26,9 @@ def recordings_table(run: Run) -> Table:
     for r in run.results["recordings"]:
         noise = [scale_for(u, n) for u, n in zip(r["units"], r["noise"], strict=True)]
         shown = dict.fromkeys(f"{s.text(n)} {s.symbol}" for n, s in zip(r["noise"], noise, strict=True))
-        cells.append(
-            [
-                r["name"],
-                _ROLES[r["role"]],
-                ", ".join(r["channels"]),
-                f"{r['samples']}",
-                significant(r["duration_s"]),
-                significant(r["rate_hz"], 4),
-                _largest(r["largest_deflection"], unit),
-                ", ".join(shown) + (" (estimated)" if r.get("noise_estimated") else ""),
-            ]
-        )
+        about = [r["name"], _ROLES[r["role"]], ", ".join(r["channels"]), f"{r['samples']}"]
+        pace = [significant(r["duration_s"]), significant(r["rate_hz"], 4), _largest(r["largest_deflection"], unit)]
+        cells.append([*about, *pace, ", ".join(shown) + (" (estimated)" if r.get("noise_estimated") else "")])
         raw.append([" ".join(r[k]) if k == "channels" else r[k] for k in keys])
     largest = f"largest {'deflection' if run.system.has_rod else run.output_name if run.reads_coordinate else 'motion'}"
     head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")

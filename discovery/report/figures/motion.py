@@ -6,23 +6,10 @@ import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
+from discovery.report import style
 from discovery.report.numbers import Scale, scale_for, unit_text
 from discovery.report.results import MODELS, Run, Trajectory
-from discovery.report.style import (
-    BLUE,
-    GREY,
-    LINES,
-    MARK,
-    ORANGE,
-    RED,
-    SKY,
-    Picture,
-    decimate,
-    label,
-    new_figure,
-    side_label,
-    verbatim,
-)
+from discovery.report.style import Picture, decimate, label, new_figure, side_label, verbatim
 from discovery.report.words import deflection_unit, sentence
 
 _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection"}
@@ -58,17 +45,14 @@ def draw_motion(run: Run) -> Picture | None:
         axis.plot(*decimate(shown.time, values * scale.factor), color="black", linewidth=0.8)
         axis.set_ylabel(side_label(channel_name(run, channel), scale.symbol))
     if shown.input is not None:
-        axes[-1].plot(*decimate(shown.time, shown.input), color=BLUE, linewidth=0.9)
+        axes[-1].plot(*decimate(shown.time, shown.input), color=style.BLUE, linewidth=0.9)
         axes[-1].set_ylabel(side_label("motor angle" if run.system.has_rod else run.input_name, run.input_unit))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
     driven = f" and {run.input_name}" if shown.input is not None else ""
     what = "tip position and motor angle" if run.system.has_rod else f"{run.output_name}{driven}"
     return Picture(
-        "motion",
-        figure,
-        f"Measured: {what} of {shown.name}.",
-        f"Time series of {what} of recording {shown.name}.",
+        "motion", figure, f"Measured: {what} of {shown.name}.", f"Time series of {what} of recording {shown.name}."
     )
 
 
@@ -82,12 +66,9 @@ def draw_deflections(run: Run) -> Picture | None:
     for axis, trajectory in zip(axes, shown, strict=True):
         assert trajectory.deflection is not None
         role = "training" if trajectory.role == "train" else "held out"
-        axis.plot(
-            *decimate(trajectory.time, trajectory.deflection),
-            color="black" if role == "training" else RED,
-            linewidth=0.8,
-        )
-        axis.set_title(f"{verbatim(trajectory.name)} ({role})", fontsize=8.5, color=GREY)
+        colour = "black" if role == "training" else style.RED
+        axis.plot(*decimate(trajectory.time, trajectory.deflection), color=colour, linewidth=0.8)
+        axis.set_title(f"{verbatim(trajectory.name)} ({role})", fontsize=8.5, color=style.GREY)
     figure.supylabel("deflection [rad]", fontsize=9)
     axes[-1].set_xlabel("time [s]")
     sizes = ", ".join(f"{t.name} {_largest(t):.2f} rad" for t in shown)
@@ -142,7 +123,7 @@ def draw_phase(run: Run) -> Picture | None:
     for model in ("measured", "after"):
         portrait = _portrait(shown, model, period) if model == "measured" or model in shown.models else None
         if portrait is not None:
-            look = {**LINES[model], "linewidth": 0.8}
+            look = {**style.LINES[model], "linewidth": 0.8}
             axes.plot(*portrait, **look)
     unit, what = run.coordinate_unit, "deflection" if run.system.has_rod else run.output_name
     axes.set(xlabel=label(what, unit), ylabel=label("its rate", f"{unit}/s"))
@@ -165,7 +146,7 @@ def draw_amplitude(run: Run) -> Picture | None:
     top, bottom = figure.subplots(2, 1, sharex=True)
     for name, data in curves.items():
         order = np.argsort(data["amplitude"].to_numpy())
-        look = {**LINES[name], "markersize": 5} if name == "measured" else LINES[name]
+        look = {**style.LINES[name], "markersize": 5} if name == "measured" else style.LINES[name]
         for axis, variable in ((top, "frequency"), (bottom, "damping")):
             axis.plot(data["amplitude"].to_numpy()[order], data[variable].to_numpy()[order], **look)
     top.set_ylabel(label("frequency", "Hz"))
@@ -181,10 +162,10 @@ def draw_amplitude(run: Run) -> Picture | None:
 
 
 _LOOK = {
-    "excited": (BLUE, "o", "excited lines"),
-    "odd": (RED, "s", "odd lines, not excited"),
-    "even": (ORANGE, "^", "even lines, not excited"),
-    "outside": (SKY, ".", "outside the band"),
+    "excited": (style.BLUE, "o", "excited lines"),
+    "odd": (style.RED, "s", "odd lines, not excited"),
+    "even": (style.ORANGE, "^", "even lines, not excited"),
+    "outside": (style.SKY, ".", "outside the band"),
 }
 _MOST = 1500
 
@@ -204,17 +185,10 @@ def draw_multisine(run: Run) -> Picture | None:
         here = np.flatnonzero(kinds == kind)
         here = here[:: max(1, here.size // _MOST)]
         if here.size:
-            axes.plot(
-                frequency[here],
-                level[here] * scale.factor,
-                marker,
-                color=colour,
-                markersize=2.5,
-                label=name,
-                rasterized=True,
-            )
+            look = {"color": colour, "markersize": 2.5, "label": name, "rasterized": True}
+            axes.plot(frequency[here], level[here] * scale.factor, marker, **look)
     if np.isfinite(noise).any():
-        axes.plot(frequency, noise * scale.factor, **MARK, label="noise")
+        axes.plot(frequency, noise * scale.factor, **style.MARK, label="noise")
     axes.set(yscale="log", xlabel="frequency [Hz]", ylabel=label("output level, rms of a line", scale.symbol))
     figure.legend(loc="outside upper left", ncols=2, markerscale=2.5)
     return Picture(

@@ -10,20 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from discovery.foundation.arrays import FloatArray
+from discovery.report import style
 from discovery.report.numbers import fixed, near_one, significant, ten_to, unit_text
 from discovery.report.results import Run
-from discovery.report.style import (
-    BLUE,
-    DASHED,
-    DOTTED,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    Picture,
-    new_figure,
-    quantity_label,
-)
+from discovery.report.style import Picture, new_figure, quantity_label
 from discovery.report.words import prose
 
 if TYPE_CHECKING:
@@ -60,7 +50,7 @@ def _draw_pairs(figure: Any, draws: Any, labels: list[str], fitted: list[float])
         fig=figure,
         labels=labels,
         quantiles=(0.05, 0.5, 0.95),
-        color=BLUE,
+        color=style.BLUE,
         bins=30,
         max_n_ticks=3,
         labelpad=0.22,
@@ -69,10 +59,10 @@ def _draw_pairs(figure: Any, draws: Any, labels: list[str], fitted: list[float])
         hist_kwargs={"linewidth": 1.0},
         smooth=0.8,
     )
-    corner.overplot_lines(figure, fitted, color=ORANGE, linewidth=0.9)
+    corner.overplot_lines(figure, fitted, color=style.ORANGE, linewidth=0.9)
     for axis in figure.axes:
         axis.grid(visible=False)
-        axis.tick_params(labelsize=7.5, colors=GREY)
+        axis.tick_params(labelsize=7.5, colors=style.GREY)
         for one in (axis.xaxis, axis.yaxis):
             one.set_ticks(_inner(one.get_majorticklocs(), *one.get_view_interval()))
 
@@ -98,7 +88,8 @@ def draw_corner(run: Run) -> Picture | None:
             axis, prior = figure.axes[i * (len(shown) + 1)], priors[r["name"]]
             height = 0.95 * axis.get_ylim()[1] * np.array(prior["prior_density"])
             range_ = axis.get_xlim()
-            axis.plot(scale[i] * np.array(prior["prior_values"]), height, color=GREY, linestyle=DASHED, linewidth=1.0)
+            look = {"color": style.GREY, "linestyle": style.DASHED, "linewidth": 1.0}
+            axis.plot(scale[i] * np.array(prior["prior_values"]), height, **look)
             axis.set_xlim(range_)
     figure.subplots_adjust(left=0.13, bottom=0.14, right=0.99, top=0.985, wspace=0.06, hspace=0.06)
     names = ", ".join(prose(r["name"]) for r in shown)
@@ -120,15 +111,15 @@ _BINS = 25
 def _draw_curves(axis: Any, p: Mapping[str, Any], draws: Any) -> None:
     values = np.array(p["values"])
     density, edges = np.histogram(draws, _BINS, (p["prior_values"][0], p["prior_values"][-1]))
-    axis.stairs(density / max(1, density.max()), edges, fill=True, color=BLUE, alpha=0.35, label="posterior")
+    axis.stairs(density / max(1, density.max()), edges, fill=True, color=style.BLUE, alpha=0.35, label="posterior")
     # The logarithm is what a few held values follow smoothly.
     statistic = np.array([np.nan if x is None else x for x in p["statistic"]])
     known = np.isfinite(statistic)
     fine = np.linspace(values[0], values[-1], 200)
     root = np.interp(fine, values[known], (np.sign(values - p["best"]) * np.sqrt(statistic))[known])
-    axis.plot(fine, np.exp(-0.5 * root**2), color=ORANGE, linewidth=1.4, label="profile likelihood")
-    axis.plot(p["prior_values"], p["prior_density"], color=GREY, linestyle=DASHED, label="prior")
-    axis.axhline(np.exp(-0.5 * p["cut"]), color="black", linestyle=DOTTED, linewidth=0.9, label="90 % cut")
+    axis.plot(fine, np.exp(-0.5 * root**2), color=style.ORANGE, linewidth=1.4, label="profile likelihood")
+    axis.plot(p["prior_values"], p["prior_density"], color=style.GREY, linestyle=style.DASHED, label="prior")
+    axis.axhline(np.exp(-0.5 * p["cut"]), color="black", linestyle=style.DOTTED, linewidth=0.9, label="90 % cut")
 
 
 def draw_marginals(run: Run) -> Picture | None:
@@ -150,7 +141,7 @@ def draw_marginals(run: Run) -> Picture | None:
         axis.set(xlabel=quantity_label(p["name"], unit_text(units[p["name"]], run.coordinate_unit)), ylim=(0, 1.08))
         axis.locator_params(axis="x", nbins=3)
         if p["name"] in contraction:
-            axis.set_title(f"contraction {near_one(contraction[p['name']])}", fontsize=8.5, color=GREY)
+            axis.set_title(f"contraction {near_one(contraction[p['name']])}", fontsize=8.5, color=style.GREY)
     for axis in axes[:: columns or 1]:
         axis.set_ylabel("over its largest [–]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
@@ -193,7 +184,7 @@ def draw_correlations(run: Run) -> Picture | None:
 
 
 _BAND = "#E3E3E3"
-_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
+_COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
 _MOST = 8
 #: Steps that a trace shows.
 _STEPS = 400
@@ -218,8 +209,8 @@ def draw_chains(run: Run) -> Picture | None:
         for e, function in enumerate(found["functions"][name]):
             memory.plot(lags, function, ".-", color=_COLOURS[e % len(_COLOURS)], linewidth=0.8, markersize=3)
         tau = found["tau"][name]
-        memory.axvline(tau, color=GREY, linestyle=DASHED, linewidth=1.0)
-        memory.set_title(f"τ = {significant(tau)} steps", fontsize=8.5, color=GREY)
+        memory.axvline(tau, color=style.GREY, linestyle=style.DASHED, linewidth=1.0)
+        memory.set_title(f"τ = {significant(tau)} steps", fontsize=8.5, color=style.GREY)
         trace.set_ylabel(quantity_label(name, unit_text(r["unit"], run.coordinate_unit)))
         trace.locator_params(axis="y", nbins=3)
         memory.set_yticks((0, 0.5, 1))

@@ -8,23 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from discovery.report import style
 from discovery.report.figures.motion import channel_name, main_period, shown_scale
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run, Trajectory
-from discovery.report.style import (
-    BLUE,
-    GREY,
-    LINES,
-    MARK,
-    RED,
-    Picture,
-    decimate,
-    label,
-    new_figure,
-    plain_log,
-    series,
-    side_label,
-)
+from discovery.report.style import Picture, decimate, label, new_figure, plain_log, series, side_label
 from discovery.report.words import compared_groups
 from discovery.results.judging import held_group
 
@@ -46,10 +34,10 @@ def draw_comparison(run: Run) -> Picture | None:
     series(above, "measured", shown.time, shown.measured[:, 0] * motion.factor)
     for model, values in models.items():
         series(above, model, shown.time, values * motion.factor)
-        below.plot(shown.time, left[model] * scale.factor, **LINES[model])
+        below.plot(shown.time, left[model] * scale.factor, **style.LINES[model])
     noise = next(r["noise"] for r in run.results["recordings"] if r["name"] == shown.name)[0]
     if noise:
-        below.axhspan(-2 * noise * scale.factor, 2 * noise * scale.factor, color=GREY, alpha=0.25, linewidth=0)
+        below.axhspan(-2 * noise * scale.factor, 2 * noise * scale.factor, color=style.GREY, alpha=0.25, linewidth=0)
     above.set_ylabel(side_label(channel_name(run, shown.channels[0]), motion.symbol))
     below.set(ylabel=label("error", scale.symbol), xlabel="time [s]")
     figure.align_ylabels()
@@ -76,7 +64,7 @@ def _panel(axes: Axes, trajectory: Trajectory, channel: int, factor: float, star
     here = (time >= start) & (time <= stop)
     if trajectory.band is not None:
         low, high = (factor * trajectory.band[k, here, channel] for k in (0, 2))
-        axes.fill_between(time[here], low, high, color=BLUE, alpha=0.2, linewidth=0, label="90 % posterior band")
+        axes.fill_between(time[here], low, high, color=style.BLUE, alpha=0.2, linewidth=0, label="90 % posterior band")
     for model, values in (("measured", trajectory.measured), *trajectory.models.items()):
         series(axes, model, time[here], factor * values[here, channel])
     axes.set_xlim(start, stop)
@@ -91,7 +79,7 @@ def _distances(axes: Axes, trajectory: Trajectory) -> None:
     edges = np.unique(np.linspace(0, trajectory.time.size, _STRETCHES + 1).astype(int))[:-1]
     for model, distance in found.items():
         largest = np.fmax.reduceat(distance, edges) * scale.factor
-        axes.semilogy(trajectory.time[edges], largest, **LINES[model], drawstyle="steps-post")
+        axes.semilogy(trajectory.time[edges], largest, **style.LINES[model], drawstyle="steps-post")
     axes.set_xlim(trajectory.time[0], trajectory.time[-1])
     plain_log(axes.yaxis)
     axes.set(ylabel=label("error", scale.symbol), xlabel="time [s]")
@@ -155,10 +143,10 @@ def _bands(run: Run, trajectory: Trajectory) -> Picture | None:
         scale = scale_for(unit, float(np.nanmax(np.abs(left))))
         for band, alpha, name in ((reading, 0.25, "90 % of readings"), (motion, 0.8, "90 % of motions")):
             low, high = ((band[k, :, c] - middle) * scale.factor for k in (0, 2))
-            axis.fill_between(time, low, high, color=BLUE, alpha=alpha, linewidth=0, label=name)
+            axis.fill_between(time, low, high, color=style.BLUE, alpha=alpha, linewidth=0, label=name)
         axis.plot(*decimate(time, left * scale.factor), ".", color="black", markersize=1.5, label="measured")
         parts = [f"{100 * s:.1f} % of the {part} readings" for (name, part), s in share.items() if name == channel]
-        axis.set_title(f"{channel_name(run, channel)}: {', '.join(parts)} in the band", fontsize=8.5, color=GREY)
+        axis.set_title(f"{channel_name(run, channel)}: {', '.join(parts)} in the band", fontsize=8.5, color=style.GREY)
         axis.set_ylabel(label("minus median", scale.symbol))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
@@ -183,7 +171,7 @@ def draw_bands(run: Run) -> list[Picture]:
 
 
 #: Colour, marker, name and place beside its line of each of the two errors.
-_SIDES = ((RED, "s", "before: declared model", -0.13), (BLUE, "o", "after: final model", 0.13))
+_SIDES = ((style.RED, "s", "before: declared model", -0.13), (style.BLUE, "o", "after: final model", 0.13))
 
 
 def draw_errors(run: Run) -> Picture | None:
@@ -199,7 +187,7 @@ def draw_errors(run: Run) -> Picture | None:
             axes, row, [(m[group]["rms"] * scale.factor, m[group]["peak"] * scale.factor) for m in (before, after)]
         )
     floor = errors["noise_floor"] * scale.factor
-    axes.axvline(floor, **MARK, label="noise floor, held out")
+    axes.axvline(floor, **style.MARK, label="noise floor, held out")
     axes.set_xscale("log")
     axes.set_xlim(left=0.6 * min(floor, *(m[g]["rms"] * scale.factor for m in (before, after) for g in groups)))
     plain_log(axes.xaxis)
