@@ -198,13 +198,12 @@ def _course(number: int, design: Mapping[str, Any]) -> Picture:
     name, unit = _input_of(design)
     axes.set(xlabel="time [s]", ylabel=label(name, unit))
     rivals = listed(map(effect_name, laws_apart(design)))
-    return Picture(
-        f"manoeuvre_{number}",
-        figure,
+    caption = (
         f"Manoeuvre {number}, from where the {'hub' if name == 'motor angle' else 'input'} starts: designed to tell "
-        f"{rivals} apart.",
-        f"{name.capitalize()} against time of the manoeuvre that tells {rivals} apart: {len(moves)} moves with rests.",
+        f"{rivals} apart."
     )
+    alt = f"{name.capitalize()} against time of the manoeuvre that tells {rivals} apart: {len(moves)} moves with rests."
+    return Picture(f"manoeuvre_{number}", figure, caption, alt)
 
 
 def _release(number: int, design: Mapping[str, Any]) -> Picture:
@@ -224,10 +223,9 @@ def _release(number: int, design: Mapping[str, Any]) -> Picture:
     above.set_ylabel(label("reading", design["unit"]))
     below.set(ylabel=label("apart", design["unit"]), xlabel="time [s]")
     rivals, place = listed(names), f"{design['release']:.3g} {design['unit']}"
-    return Picture(
-        f"manoeuvre_{number}",
-        figure,
+    caption = (
         f"Manoeuvre {number}: let go at {place} from rest, to tell {rivals} apart. Above what each predicts with its "
-        "parameters as they are, below how far they lie apart.",
-        f"Predictions of {rivals} against time after a release at {place}, and their difference.",
+        "parameters as they are, below how far they lie apart."
     )
+    alt = f"Predictions of {rivals} against time after a release at {place}, and their difference."
+    return Picture(f"manoeuvre_{number}", figure, caption, alt)

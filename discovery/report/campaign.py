@@ -181,11 +181,9 @@ def _specimen(number: int, parameter: Mapping[str, Any]) -> Picture:
         axes.set_xlabel("case")
     axes.set_ylabel(quantity_label(parameter["parameter"], unit_text(parameter["unit"])))
     figure.legend(loc="outside upper left", ncols=2)
-    return Picture(
-        f"specimens_{number}_{parameter['parameter']}",
-        figure,
+    caption = (
         "Estimates with 95 % intervals, each alone and with the others’ help; grey: the mean of all specimens, and "
-        "where the next one will be.",
-        f"{parameter['parameter']} over {len(cases)} cases with intervals, alone and pooled.",
-        raster=len(cases) > 200,
+        "where the next one will be."
     )
+    alt = f"{parameter['parameter']} over {len(cases)} cases with intervals, alone and pooled."
+    return Picture(f"specimens_{number}_{parameter['parameter']}", figure, caption, alt, raster=len(cases) > 200)

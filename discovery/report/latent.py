@@ -71,12 +71,9 @@ def draw_force(run: Run) -> Picture | None:
         axes.set_title(verbatim(name), fontsize=8.5, color=GREY)
         axes.set_ylabel(label("force", _unit(run)))
     rows[-1].set_xlabel("time [s]")
-    return Picture(
-        "missing_force",
-        figure,
-        "The force per unit inertia that would make the final model follow the recording, with its 90 % band.",
-        "Reconstructed missing force against time with a band, one panel a recording.",
-    )
+    caption = "The force per unit inertia that would make the final model follow the recording, with its 90 % band."
+    alt = "Reconstructed missing force against time with a band, one panel a recording."
+    return Picture("missing_force", figure, caption, alt)
 
 
 def draw_states(run: Run) -> Picture | None:
@@ -103,13 +100,9 @@ def draw_states(run: Run) -> Picture | None:
     for axes in grid[:, 0]:
         axes.set_ylabel(label("force", _unit(run)))
     line = " Orange: the law of the patch, whose parameters differ a little from the model's." if laws else ""
-    return Picture(
-        "missing_force_states",
-        figure,
-        f"The missing force against what it may depend on: a line where it depends on it alone.{line}",
-        "Missing force against each state, one panel each.",
-        raster=True,
-    )
+    caption = f"The missing force against what it may depend on: a line where it depends on it alone.{line}"
+    alt = "Missing force against each state, one panel each."
+    return Picture("missing_force_states", figure, caption, alt, raster=True)
 
 
 def draw_map(run: Run) -> Picture | None:
@@ -129,12 +122,9 @@ def draw_map(run: Run) -> Picture | None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x [arm lengths]", ylabel="y [arm lengths]")
     figure.colorbar(dots, ax=axes, label=label("force", _unit(run)), shrink=0.85)
-    return Picture(
-        "missing_force_map",
-        figure,
-        "The missing force where the tip was: a place that always pushes alike shows as one colour.",
-        "Positions of the tip in the plane, coloured by the missing force.",
-    )
+    caption = "The missing force where the tip was: a place that always pushes alike shows as one colour."
+    alt = "Positions of the tip in the plane, coloured by the missing force."
+    return Picture("missing_force_map", figure, caption, alt)
 
 
 def dependence_table(run: Run) -> Table | None:

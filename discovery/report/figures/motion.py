@@ -51,9 +51,8 @@ def draw_motion(run: Run) -> Picture | None:
     figure.align_ylabels()
     driven = f" and {run.input_name}" if shown.input is not None else ""
     what = "tip position and motor angle" if run.system.has_rod else f"{run.output_name}{driven}"
-    return Picture(
-        "motion", figure, f"Measured: {what} of {shown.name}.", f"Time series of {what} of recording {shown.name}."
-    )
+    caption = f"Measured: {what} of {shown.name}."
+    return Picture("motion", figure, caption, f"Time series of {what} of recording {shown.name}.")
 
 
 def draw_deflections(run: Run) -> Picture | None:
@@ -72,12 +71,8 @@ def draw_deflections(run: Run) -> Picture | None:
     figure.supylabel("deflection [rad]", fontsize=9)
     axes[-1].set_xlabel("time [s]")
     sizes = ", ".join(f"{t.name} {_largest(t):.2f} rad" for t in shown)
-    return Picture(
-        "deflections",
-        figure,
-        f"Deflection of the tip in every recording. Largest: {sizes}.",
-        f"Deflection against time of {len(shown)} recordings. Largest: {sizes}.",
-    )
+    alt = f"Deflection against time of {len(shown)} recordings. Largest: {sizes}."
+    return Picture("deflections", figure, f"Deflection of the tip in every recording. Largest: {sizes}.", alt)
 
 
 #: Swings of a recording that are drawn: more would fill the plane.
@@ -128,13 +123,9 @@ def draw_phase(run: Run) -> Picture | None:
     unit, what = run.coordinate_unit, "deflection" if run.system.has_rod else run.output_name
     axes.set(xlabel=label(what, unit), ylabel=label("its rate", f"{unit}/s"))
     figure.legend(loc="outside upper left", ncols=2)
-    return Picture(
-        "phase",
-        figure,
-        f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s.",
-        f"{sentence(what)} of {shown.name} against its rate: loops, measured and by the final model.",
-        raster=True,
-    )
+    caption = f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s."
+    alt = f"{sentence(what)} of {shown.name} against its rate: loops, measured and by the final model."
+    return Picture("phase", figure, caption, alt, raster=True)
 
 
 def draw_amplitude(run: Run) -> Picture | None:
@@ -153,12 +144,11 @@ def draw_amplitude(run: Run) -> Picture | None:
     bottom.set(ylabel=label("decay rate", "1/s"), xlabel=label("amplitude", deflection_unit(run)))
     figure.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     recording = curves["measured"].attrs.get("recording", "a recording")
-    return Picture(
-        "amplitude",
-        figure,
-        f"Frequency and decay rate of the energy against amplitude in the free decay of {recording}, swing by swing.",
-        "Two panels: frequency and decay rate against amplitude, measured points and a line for each model.",
+    caption = (
+        f"Frequency and decay rate of the energy against amplitude in the free decay of {recording}, swing by swing."
     )
+    alt = "Two panels: frequency and decay rate against amplitude, measured points and a line for each model."
+    return Picture("amplitude", figure, caption, alt)
 
 
 _LOOK = {
@@ -191,10 +181,9 @@ def draw_multisine(run: Run) -> Picture | None:
         axes.plot(frequency, noise * scale.factor, **style.MARK, label="noise")
     axes.set(yscale="log", xlabel="frequency [Hz]", ylabel=label("output level, rms of a line", scale.symbol))
     figure.legend(loc="outside upper left", ncols=2, markerscale=2.5)
-    return Picture(
-        "multisine",
-        figure,
+    caption = (
         "Output at every line of the multisine. What stands above the noise on lines that were not excited is "
-        "distortion.",
-        "Level of the output against frequency at excited, odd unexcited and even unexcited lines, with the noise.",
+        "distortion."
     )
+    alt = "Level of the output against frequency at excited, odd unexcited and even unexcited lines, with the noise."
+    return Picture("multisine", figure, caption, alt)

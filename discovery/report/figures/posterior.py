@@ -94,15 +94,12 @@ def draw_corner(run: Run) -> Picture | None:
     figure.subplots_adjust(left=0.13, bottom=0.14, right=0.99, top=0.985, wspace=0.06, hspace=0.06)
     names = ", ".join(prose(r["name"]) for r in shown)
     prior_words = " Grey: the prior, to a scale of its own." if priors else ""
-    return Picture(
-        "corner",
-        figure,
+    caption = (
         f"Posterior of {names}: pairs, and each alone with its median and its 90 % interval (dashed). "
-        f"Orange: the fit.{prior_words}",
-        f"Corner plot of the posterior of {names}, with the fit{' and the priors' if priors else ''}.",
-        wide=True,
-        raster=True,
+        f"Orange: the fit.{prior_words}"
     )
+    alt = f"Corner plot of the posterior of {names}, with the fit{' and the priors' if priors else ''}."
+    return Picture("corner", figure, caption, alt, wide=True, raster=True)
 
 
 _BINS = 25
@@ -146,14 +143,12 @@ def draw_marginals(run: Run) -> Picture | None:
         axis.set_ylabel("over its largest [–]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     shown = ", ".join(prose(p["name"]) for p in profiles)
-    return Picture(
-        "marginals",
-        figure,
+    caption = (
         "Each parameter alone, every curve over its largest value in this range. The profile likelihood refits all "
         "others for each held value and knows no prior; where it crosses the dotted line its 90 % interval ends. A "
-        "level prior says nothing here.",
-        f"Posterior histogram, profile likelihood and prior of {shown}.",
+        "level prior says nothing here."
     )
+    return Picture("marginals", figure, caption, f"Posterior histogram, profile likelihood and prior of {shown}.")
 
 
 def draw_correlations(run: Run) -> Picture | None:
@@ -175,12 +170,9 @@ def draw_correlations(run: Run) -> Picture | None:
         text = fixed(value, 2) if i != j else ""
         axes.text(j, i, text, ha="center", va="center", fontsize=8, color="white" if abs(value) > 0.7 else "black")
     figure.colorbar(image, ax=axes, label="correlation [–]", shrink=0.9)
-    return Picture(
-        "correlations",
-        figure,
-        "Correlation coefficients of the posterior’s draws, initial states left out.",
-        f"Map of the correlations between {', '.join(prose(n) for n in names)}.",
-    )
+    caption = "Correlation coefficients of the posterior’s draws, initial states left out."
+    alt = f"Map of the correlations between {', '.join(prose(n) for n in names)}."
+    return Picture("correlations", figure, caption, alt)
 
 
 _BAND = "#E3E3E3"
@@ -219,15 +211,13 @@ def draw_chains(run: Run) -> Picture | None:
     figure.align_ylabels(axes[:, 0])
     handles, names = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles[: len(_COLOURS) + 1], names[: len(_COLOURS) + 1], loc="outside upper left", ncols=2)
-    return Picture(
-        "chains",
-        figure,
+    caption = (
         f"Left: {'every chain' if single else 'median over the walkers of every ensemble'}, step by step; {what}s "
         f"that agree lie on each other. Right: autocorrelation [–] of every {what}, with the autocorrelation time τ "
-        "(dashed).",
-        f"Traces and autocorrelation functions of the sampled quantities, one line for each {what}.",
-        raster=True,
+        "(dashed)."
     )
+    alt = f"Traces and autocorrelation functions of the sampled quantities, one line for each {what}."
+    return Picture("chains", figure, caption, alt, raster=True)
 
 
 def _trace(axis: Axes, draws: FloatArray, thin: float, *, single: bool) -> None:

@@ -43,14 +43,12 @@ def draw_comparison(run: Run) -> Picture | None:
     figure.align_ylabels()
     figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=3)
     role = "held out" if shown.role == "holdout" or not shown.fitted.all() else "fitted"
-    return Picture(
-        "comparison",
-        figure,
+    caption = (
         f"{shown.name} ({role}): measured and free-run models; below, model minus measurement, with the band of two "
-        "standard deviations of the instrument’s noise.",
-        f"Time series of {shown.name} ({role}): measured, declared and final model, and below the error of both.",
-        raster=True,
+        "standard deviations of the instrument’s noise."
     )
+    alt = f"Time series of {shown.name} ({role}): measured, declared and final model, and below the error of both."
+    return Picture("comparison", figure, caption, alt, raster=True)
 
 
 #: Periods of the motion that a zoom shows.
@@ -106,14 +104,12 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
     figure.legend(*whole.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     fitted = "fitted" if trajectory.fitted.all() else "first part fitted"
     role = "held out" if trajectory.role == "holdout" else fitted
-    return Picture(
-        f"time_{trajectory.name}",
-        figure,
+    caption = (
         f"{trajectory.name} ({role}): measured (some samples) and free-run models, whole, at the start and "
-        "at the end; last, the largest error in every hundredth of the time.",
-        f"Time series of {trajectory.name} ({role}): measurement, models, and the models’ errors.",
-        raster=True,
+        "at the end; last, the largest error in every hundredth of the time."
     )
+    alt = f"Time series of {trajectory.name} ({role}): measurement, models, and the models’ errors."
+    return Picture(f"time_{trajectory.name}", figure, caption, alt, raster=True)
 
 
 def draw_histories(run: Run) -> list[Picture]:
@@ -151,14 +147,12 @@ def _bands(run: Run, trajectory: Trajectory) -> Picture | None:
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=4)
-    return Picture(
-        f"bands_{trajectory.name}",
-        figure,
+    caption = (
         f"{trajectory.name} ({'held out' if trajectory.role == 'holdout' else 'fitted'}): readings minus the median of "
-        "the posterior’s free-run predictions, with the 90 % band of a reading, noise included, and of the motion.",
-        f"Readings of {trajectory.name} in their posterior predictive bands.",
-        raster=True,
+        "the posterior’s free-run predictions, with the 90 % band of a reading, noise included, and of the motion."
     )
+    alt = f"Readings of {trajectory.name} in their posterior predictive bands."
+    return Picture(f"bands_{trajectory.name}", figure, caption, alt, raster=True)
 
 
 def draw_bands(run: Run) -> list[Picture]:
@@ -202,12 +196,8 @@ def draw_errors(run: Run) -> Picture | None:
         f"{scale.text(after[judged]['rms'])} {scale.symbol} after; "
         f"the held-out noise floor is {significant(floor)} {scale.symbol}"
     )
-    return Picture(
-        "errors",
-        figure,
-        f"Free-run error before and after. {groups[judged].capitalize()}: {words}.",
-        f"Dots on a logarithmic axis compare the error of the declared and of the final model. {words}.",
-    )
+    alt = f"Dots on a logarithmic axis compare the error of the declared and of the final model. {words}."
+    return Picture("errors", figure, f"Free-run error before and after. {groups[judged].capitalize()}: {words}.", alt)
 
 
 def _draw_group(axes: Any, row: int, sizes: Sequence[tuple[float, float]]) -> None:

@@ -36,13 +36,9 @@ def draw_residual(run: Run) -> Picture | None:
             axis.set_ylabel(label("", scale.symbol).strip())
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
-    return Picture(
-        "residual",
-        figure,
-        f"Model minus measurement on {shown.name}, before and after; the vertical scales differ.",
-        f"Residual against time of {shown.name}, every channel before and after the loop.",
-        raster=True,
-    )
+    caption = f"Model minus measurement on {shown.name}, before and after; the vertical scales differ."
+    alt = f"Residual against time of {shown.name}, every channel before and after the loop."
+    return Picture("residual", figure, caption, alt, raster=True)
 
 
 def draw_spectrum(run: Run) -> Picture | None:
@@ -60,12 +56,11 @@ def draw_spectrum(run: Run) -> Picture | None:
     axes.set(xlabel="frequency [Hz]", ylabel="residual density [noise sds² / Hz]")
     figure.legend(loc="outside upper left", ncols=2)
     name = next(r["name"] for r in run.results["recordings"] if r["role"] == "train")
-    return Picture(
-        "spectrum",
-        figure,
-        f"Spectrum of the residual on {name}, in units of the noise. On the dashed line the residual is white noise.",
-        "Power spectral density of the residual before and after, with the level of the noise alone.",
+    caption = (
+        f"Spectrum of the residual on {name}, in units of the noise. On the dashed line the residual is white noise."
     )
+    alt = "Power spectral density of the residual before and after, with the level of the noise alone."
+    return Picture("spectrum", figure, caption, alt)
 
 
 #: Periods of the motion and samples that the lags span at least; the part of the recording that they may not exceed.
@@ -109,13 +104,12 @@ def draw_correlogram(run: Run) -> Picture | None:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     fits = " → ".join(f"{fixed(fit_per_cent(shown.measured[:, 0], values), 2)} %" for values in left.values())
     also = ", and its correlation with earlier input" if driven else ""
-    return Picture(
-        "correlogram",
-        figure,
+    caption = (
         f"Autocorrelation of the residual on {shown.name}{also}; in the grey band, 99 % of a white residual that does "
-        f"not depend on the input. Fit, before → after: {fits}.",
-        f"Correlation of the residual of {shown.name} against the lag, before and after. Fit: {fits}.",
+        f"not depend on the input. Fit, before → after: {fits}."
     )
+    alt = f"Correlation of the residual of {shown.name} against the lag, before and after. Fit: {fits}."
+    return Picture("correlogram", figure, caption, alt)
 
 
 def _panel(axes: Axes, shown: Trajectory, pairs: dict[str, tuple[FloatArray, FloatArray]], what: str) -> None:
@@ -193,10 +187,9 @@ def draw_bode(run: Run) -> Picture | None:
     plain_log(below.xaxis)
     figure.align_ylabels()
     figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-    return Picture(
-        "bode",
-        figure,
+    caption = (
         f"Bode plot from the {run.input_name} to the {run.output_name} on {shown.name}: where the {run.input_name} has "
-        "power and the output follows it. Models are treated as the measurement is.",
-        "Two panels against frequency: gain and phase, measured points and a line for each model.",
+        "power and the output follows it. Models are treated as the measurement is."
     )
+    alt = "Two panels against frequency: gain and phase, measured points and a line for each model."
+    return Picture("bode", figure, caption, alt)

@@ -41,14 +41,13 @@ def draw_inclusion(run: Run) -> Picture | None:
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("inclusion probability [–]")
     never = len(inclusion) - sum(p > 0 for p in inclusion.values())
-    return Picture(
-        "inclusion",
-        figure,
+    caption = (
         "How often each term was part of the equation, over resamples of whole stretches; dark: in the reported "
         "equation. "
-        f"{never} other terms of the library were never chosen.",
-        "Bars of inclusion probability: " + ", ".join(f"{n} {p:.2f}" for p, n in chosen) + ".",
+        f"{never} other terms of the library were never chosen."
     )
+    alt = "Bars of inclusion probability: " + ", ".join(f"{n} {p:.2f}" for p, n in chosen) + "."
+    return Picture("inclusion", figure, caption, alt)
 
 
 #: Losses beyond this [nats] are drawn at the edge, with an arrow.
@@ -193,13 +192,11 @@ def draw_odds(run: Run) -> Picture | None:
     ]
     figure.legend(handles=handles, loc="outside upper left", ncols=3, columnspacing=1.0, handlelength=1.6)
     words = listed(f"{effect_name(e['id'])} has {chances(e['evidence']['odds'])}" for e in shown)
-    return Picture(
-        "odds",
-        figure,
+    caption = (
         "Three log odds of each added effect: the smallest decides, and must pass the dashed line at 20 to 1. "
-        f"{words.capitalize()}.",
-        f"Bars of three log odds for each added effect. {words}.",
+        f"{words.capitalize()}."
     )
+    return Picture("odds", figure, caption, f"Bars of three log odds for each added effect. {words}.")
 
 
 def _parts(evidence: dict[str, Any]) -> tuple[float | None, float | None, float | None]:
@@ -242,9 +239,6 @@ def draw_model_error(run: Run) -> Picture:
     axes.set_xlabel(label("model error", scale.symbol))
     figure.legend(loc="outside upper left", ncols=2, columnspacing=1.0)
     why = verdict_sentence(run.loop)
-    return Picture(
-        "model_error",
-        figure,
-        "The model error before and after, one standard deviation each. In the shaded range it counts as none.",
-        f"Bars of the model error of the declared and of the final model; {why}.",
-    )
+    caption = "The model error before and after, one standard deviation each. In the shaded range it counts as none."
+    alt = f"Bars of the model error of the declared and of the final model; {why}."
+    return Picture("model_error", figure, caption, alt)
