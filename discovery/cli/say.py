@@ -61,10 +61,10 @@ def say_missing(missing: MissingForce | None) -> None:
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
     from discovery.declarations.registry import effect_name
+    from discovery.mechanics.upgrades import UPGRADES
     from discovery.report.sentences import effect_sentence
-    from discovery.runs.loop_result import UPGRADES
 
-    role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"
+    role = "mechanics" if effect["id"] in UPGRADES else "added"
     values = ", ".join(
         " = ".join([n, *(estimate_text(q["value"], q["sd"], q["unit"]) for q in (p, p.get("physical")) if q)])
         + (f", {p['reason']}" if "reason" in p else "")

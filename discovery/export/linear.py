@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
@@ -225,13 +225,14 @@ def linearise(
         return _with_motion(tangent, state.size, base.input_moves)
 
     slopes, reading, late = _there(numbers, state, recorded, column(found.values))
+    tangent: dict[str, Any] = dict(zip("abcd", matrices(found.values), strict=True))
     names, moved = [y.name for y in numbers.program.states], base.system.moved_input
     motion = [moved, f"{moved}_dot"] if base.input_moves else []
     return LinearModel(
         states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
         outputs=base.system.channels,
-        **dict(zip("abcd", matrices(found.values), strict=True)),
+        **tangent,
         sd=_spread(matrices, found, draws),
         point=dict(zip((*names, motion[0] if motion else "u"), (*state.tolist(), held), strict=True)),
         reading=reading,

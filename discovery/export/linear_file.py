@@ -59,14 +59,11 @@ def discretise(model: LinearModel, sample_time: float) -> LinearModel:
 def linear_to_json(linear: LinearModel) -> str:
     """Return a linear model as JSON: matrices as lists of rows, and what they are of."""
     content: dict[str, Any] = {
-        "states": list(linear.states),
-        "inputs": list(linear.inputs),
-        "outputs": list(linear.outputs),
+        **{key: list(getattr(linear, key)) for key in ("states", "inputs", "outputs")},
         **{key: getattr(linear, key.lower()).tolist() for key in "ABCD"},
         "sd": {key.upper(): value.tolist() for key, value in linear.sd.items()},
         "operating_point": dict(linear.point),
-        "reading": list(linear.reading),
-        "drift": list(linear.drift),
+        **{key: list(getattr(linear, key)) for key in ("reading", "drift")},
         "delay_s": linear.delay,
         "sample_time_s": linear.sample_time,
         "warnings": list(linear.warnings),

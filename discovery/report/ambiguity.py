@@ -161,8 +161,8 @@ def contradictions_table(run: Run) -> Table | None:
         names = reconciling.get(c["parameter"], [])
         outcome = listed(effect_name(e) for e in names) or "nothing in the catalogue" if c["contradicts"] else MISSING
         values = [uncertain(c["value"], c["sd"]), uncertain(c["predicted"], c["predicted_sd"])]
-        unit, apart = unit_text(c["unit"], run.coordinate_unit), [significant(c[k], 2) for k in ("z", "odds")]
-        cells.append([symbol_of(c["parameter"]), *values, unit, *apart, outcome])
+        unit, tests = unit_text(c["unit"], run.coordinate_unit), [significant(c[k], 2) for k in ("z", "odds")]
+        cells.append([symbol_of(c["parameter"]), *values, unit, *tests, outcome])
         raw.append([*(c[k] for k in keys), "; ".join(names)])
     apart = ("difference [sds]", "log odds [nats]", "reconciled by")
     head = ("parameter", "fitted ± sd", "predicted ± sd", "unit", *apart)

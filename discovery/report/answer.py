@@ -143,15 +143,9 @@ def parameter_lines(run: Run) -> list[tuple[Markup, str, str, str]]:
         found.append((Markup(inline(symbol(latex or name))), value, unit_of(name, p["unit"], run), words + told))
     if "inertia" in physical:
         weight = physical["inertia"]
-        letter, value = "m" if weight["unit"] == "kg" else "J", uncertain(weight["value"], weight["sd"])
-        found.append(
-            (
-                Markup(inline(symbol(letter))),
-                value,
-                unit_text(weight["unit"]),
-                "inertia that the force or the rig file tells",
-            )
-        )
+        letter = Markup(inline(symbol("m" if weight["unit"] == "kg" else "J")))
+        value, words = uncertain(weight["value"], weight["sd"]), "inertia that the force or the rig file tells"
+        found.append((letter, value, unit_text(weight["unit"]), words))
     return found
 
 

@@ -21,16 +21,13 @@ from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.estimate_text import figures
-from discovery.mechanics import upgrades
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
 from discovery.selection.verdict import Named
-
-#: Better bases, and what the step to each is called when the loop finds it.
-UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 
 
 @dataclass(frozen=True)
@@ -215,7 +212,7 @@ class LoopResult(LoopViews):
     def _described(self, effect: str) -> dict[str, Any]:
         """Return what loop.json holds of an added effect."""
         other = self.stand_ins.get(effect)
-        names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
+        names = [] if effect in UPGRADES else [p.name for p in get_effect(effect).parameters()]
         parameters = {n: self._told(n) for n in names if n in self.after.values}
         if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
             # No reading is surer than the ruler.

@@ -79,7 +79,7 @@ class Pool:
 
         return key, returned
 
-    def end(self) -> None:
+    def close(self) -> None:
         """End every process, whatever it is at."""
         every = [*self._idle, *((process, pipe) for pipe, (_, process) in self._busy.items())]
         for process, pipe in every:
@@ -94,16 +94,6 @@ class Pool:
         process.start()
         theirs.close()
         return process, ours
-
-
-@contextmanager
-def pool(size: int, environment: dict[str, str]) -> Iterator[Pool]:
-    """Yield a `Pool`, all of whose processes end with the block."""
-    made = Pool(size, environment)
-    try:
-        yield made
-    finally:
-        made.end()
 
 
 def _serve(pipe: Connection, environment: dict[str, str]) -> None:

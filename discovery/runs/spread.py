@@ -11,12 +11,12 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 from discovery.foundation.errors import ComputationError, InputError
-from discovery.runs.processes import _GRACE, Died, Outcome, Work, attempt, case_seed, pool
+from discovery.runs.processes import _GRACE, Died, Outcome, Pool, Work, attempt, case_seed
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -130,13 +130,11 @@ class _Cluster:
             time.sleep(_LOOK)
 
 
-@contextmanager
-def _here(workers: int) -> Iterator[_Crew]:
-    """Yield processes on this machine."""
+def _here(workers: int) -> AbstractContextManager[_Crew]:
+    """Return processes on this machine, all of which end with the block."""
     # The processes share the processors; each would else simulate on all of them.
     threads = max(1, (os.cpu_count() or 1) // workers)
-    with pool(workers, {"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
-        yield made
+    return closing(Pool(workers, {"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}))
 
 
 def _is_safe(address: str) -> bool:

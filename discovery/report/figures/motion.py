@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from discovery.foundation.arrays import FloatArray
@@ -175,7 +177,7 @@ def draw_multisine(run: Run) -> Picture | None:
         here = np.flatnonzero(kinds == kind)
         here = here[:: max(1, here.size // _MOST)]
         if here.size:
-            look = {"color": colour, "markersize": 2.5, "label": name, "rasterized": True}
+            look: Any = {"color": colour, "markersize": 2.5, "label": name, "rasterized": True}
             axes.plot(frequency[here], level[here] * scale.factor, marker, **look)
     if np.isfinite(noise).any():
         axes.plot(frequency, noise * scale.factor, **style.MARK, label="noise")

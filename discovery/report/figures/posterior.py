@@ -88,7 +88,7 @@ def draw_corner(run: Run) -> Picture | None:
             axis, prior = figure.axes[i * (len(shown) + 1)], priors[r["name"]]
             height = 0.95 * axis.get_ylim()[1] * np.array(prior["prior_density"])
             range_ = axis.get_xlim()
-            look = {"color": style.GREY, "linestyle": style.DASHED, "linewidth": 1.0}
+            look: Any = {"color": style.GREY, "linestyle": style.DASHED, "linewidth": 1.0}
             axis.plot(scale[i] * np.array(prior["prior_values"]), height, **look)
             axis.set_xlim(range_)
     figure.subplots_adjust(left=0.13, bottom=0.14, right=0.99, top=0.985, wspace=0.06, hspace=0.06)
