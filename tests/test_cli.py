@@ -26,8 +26,9 @@ from discovery_datasets import instrument, recordings, registry
 from discovery_datasets.disturbances import DISTURBANCES
 
 from discovery.cli import cli, main
+from discovery.cli.answers import check_state
 from discovery.cli.options import KINDS as NAMED_KINDS
-from discovery.cli.options import Seconds, check_state, progress
+from discovery.cli.options import Seconds, progress
 from discovery.cli.say import doubts, say_loop
 from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
