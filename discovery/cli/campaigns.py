@@ -135,14 +135,6 @@ def _say_left(left: Sequence[tuple[str, Case, str]], cases: Sequence[tuple[str, 
             note(f"{name} is done again: {reason}")
 
 
-def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], files: Sequence[Path]) -> None:
-    """Print the outcomes of all cases as one JSON document."""
-    from discovery.results.provenance import read_json
-
-    kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
-    print_json({"cases": kept, "files": files})
-
-
 def _count(number: int, word: str) -> str:
     return f"{number} {word}{'s' * (number != 1)}"
 
@@ -190,6 +182,7 @@ def campaign(
     scheduler nothing listens on any port.
     """
     from discovery.foundation.errors import ComputationError
+    from discovery.results.provenance import read_json
     from discovery.runs.campaign import campaign as run
     from discovery.runs.campaign import collect, unfinished, watched
 
@@ -215,7 +208,8 @@ def campaign(
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
     page = _page(folder, [name for name, _ in cases], *dashboards)
     if as_json:
-        _print_cases(folder, cases, [table, page])
+        kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
+        print_json({"cases": kept, "files": [table, page]})
     else:
         click.echo(f"{table}\n{page}")
     if failed:

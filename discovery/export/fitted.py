@@ -270,10 +270,7 @@ def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] 
 def deviations(
     found: FittedModel, law: Callable[[Mapping[str, float]], tuple[FloatArray, ...]]
 ) -> tuple[FloatArray, ...]:
-    """Return the standard deviations of what a law makes of the values; empty where nothing fitted has one.
-
-    Its slopes are central differences over a tenth of a parameter's own standard deviation.
-    """
+    """Return the sds of what a law makes of the values, by differences over a tenth of each sd; empty without any."""
     places = [k for k, n in enumerate(found.fitted) if n in found.values and np.isfinite(found.covariance[k, k])]
     slopes = []
     for k in places:

@@ -149,10 +149,9 @@ def _with_motion(found: FloatArray, n: int, moving: bool) -> tuple[FloatArray, .
 
 
 def _spread(
-    matrices: Callable[[Mapping[str, float]], tuple[FloatArray, ...]],
-    found: FittedModel,
+    matrices: Callable[[Mapping[str, float]], tuple[FloatArray, ...]], found: FittedModel,
     draws: Mapping[str, FloatArray] | None,
-) -> dict[str, FloatArray]:
+) -> dict[str, FloatArray]:  # fmt: skip
     """Return standard deviations of the matrices, from draws of the parameters or the covariance of the fit."""
     if draws is not None:
         own = {n: np.asarray(v, float).ravel() for n, v in draws.items() if n in found.values}

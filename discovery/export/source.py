@@ -36,15 +36,9 @@ def _used(names: Iterable[str], expressions: Iterable[sp.Expr]) -> list[str]:
 
 
 def _body(
-    printer: NumPyPrinter,
-    program: SymbolicModel,
-    results: Sequence[sp.Expr],
-    *,
-    drive: Assignments = (),
-    parts: Assignments = (),
-    states: Sequence[sp.Symbol] = (),
-    returns: str = _STACKED,
-) -> str:
+    printer: NumPyPrinter, program: SymbolicModel, results: Sequence[sp.Expr], *, drive: Assignments = (),
+    parts: Assignments = (), states: Sequence[sp.Symbol] = (), returns: str = _STACKED,
+) -> str:  # fmt: skip
     """Return the indented body of a function that returns the results."""
     lines = []
     names = _used([p.name for p in program.parameters], [*results, *dict(drive).values(), *dict(parts).values()])

@@ -28,12 +28,12 @@ _PAGES = {
         "Every equation, number, figure and claim of the paper that this project starts from, beside its own: what "
         "holds, what does not, and why.",
     ),
-    "measured": (
+    "measured/index.html": (
         "Measured sets of other laboratories",
         "Public recordings of real systems, each from one rig file, side by side: what the loop added, and the error "
         "beside the best figure known from elsewhere.",
     ),
-    "closed_loop": (
+    "closed_loop/report.html": (
         "A controller from a discovered model",
         "The twin of the arm in a loop with two controllers, one tuned on the declared and one on the discovered "
         "model: tip error and energy, before and after.",
@@ -63,14 +63,9 @@ def build_index(folder: Path) -> Path:
 
 def _pages(folder: Path) -> list[tuple[str, str, str]]:
     """Return the pages over several recordings that are there: link, title, and what they say."""
-    found = []
-    for studies in sorted(folder.glob("*/studies.json"))[:1]:
-        found.append((f"{studies.parent.name}/report.html", *_PAGES["paper"]))
-    if (folder / "measured" / "index.html").exists():
-        found.append(("measured/index.html", *_PAGES["measured"]))
-    if (folder / "closed_loop" / "report.html").exists():
-        found.append(("closed_loop/report.html", *_PAGES["closed_loop"]))
-    return found
+    studies = sorted(folder.glob("*/studies.json"))[:1]
+    found = [(f"{path.parent.name}/report.html", *_PAGES["paper"]) for path in studies]
+    return found + [(path, *words) for path, words in _PAGES.items() if path != "paper" and (folder / path).exists()]
 
 
 def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> dict[str, Any]:

@@ -16,17 +16,14 @@ from discovery.report.words import listed
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Variables in words.
+#: Variables in words where these are not their names.
 _WORDS = {
     "deflection": "deflection δ",
     "angle": "angle θₜ of the tip",
     "rate": "rate θ̇ₜ",
     "motor_angle": "motor angle θₘ",
-    "time": "time",
-    "output": "output",
-    "input": "input",
 }
-_SHORT = {"angle": "angle θₜ", "time": "time"}
+_SHORT = {"angle": "angle θₜ"}
 #: What the force is drawn against.
 _SHOWN = ("deflection", "angle", "rate", "motor_angle", "output", "input")
 #: Recordings of which the force is drawn in time.
@@ -36,7 +33,7 @@ _MOST = 3
 def _word(run: Run, variable: str) -> str:
     """Return one variable in words."""
     own = {} if run.system.has_rod else {"rate": "rate q̇", "output": run.output_name, "input": run.input_name}
-    return own.get(variable, _WORDS[variable])
+    return own.get(variable, _WORDS.get(variable, variable))
 
 
 def _names(run: Run, variables: Sequence[str]) -> str:

@@ -100,7 +100,14 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     for table in tables:
         written(run.folder / "tables" / f"{table.name}.csv", table.csv())
     shown = {table.name: table.html() for table in tables}
-    return _page(run, "page.html.j2", tables=shown, figures=figures, chart=chart_data(run), chart_sheet=sheet())
+    return _page(
+        run,
+        "page.html.j2",
+        tables=shown,
+        figures=figures,
+        chart=chart_data(run),
+        chart_sheet=Markup(_asset("uPlot.min.css")),
+    )
 
 
 def _page(run: Run, template: str, **content: Any) -> Path:
@@ -127,16 +134,10 @@ def embed(folder: Path, picture: Picture) -> dict[str, Any]:
     with atomic_write(folder / "figures" / f"{stem}{suffix}") as temporary:
         temporary.write_bytes(content)
     kind = "image/png" if picture.raster else "image/svg+xml"
+    source = f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
     width, height = (round(96 * inches) for inches in picture.figure.get_size_inches())
-    return {
-        "name": picture.name,
-        "source": f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}",
-        "caption": picture.caption,
-        "alt": picture.alt,
-        "wide": picture.wide,
-        "width": width,
-        "height": height,
-    }
+    told = {key: getattr(picture, key) for key in ("name", "caption", "alt", "wide")}
+    return {**told, "source": source, "width": width, "height": height}
 
 
 def environment(*packages: str) -> Environment:
@@ -258,11 +259,6 @@ def _asset(name: str) -> str:
 def scripts(*, chart: bool) -> list[Markup]:
     """Return the text of every script of a page; those of the live chart only where there is one."""
     return [Markup(_asset(name)) for name in _SCRIPTS if chart or name == "page.js"]
-
-
-def sheet() -> Markup:
-    """Return the style sheet of the plotting library."""
-    return Markup(_asset("uPlot.min.css"))
 
 
 def policy(*, chart: bool) -> str:

@@ -11,11 +11,12 @@ from typing import Any
 from markupsafe import Markup
 
 from discovery.declarations.registry import get_effect
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.effect_formulas import effect_formula, placed_formula
 from discovery.report.mathml import inline, latex
 from discovery.report.results import Run
 from discovery.report.tables import Table
-from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title, in_catalogue
+from discovery.report.words import effect_name, effect_title, in_catalogue
 
 
 def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
@@ -28,7 +29,8 @@ def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
             known = get_effect(effect_id) if in_catalogue(effect_id) else None
             law = "" if known is None else placed_formula(known) if known.place else effect_formula(known, system)
             body = Markup(inline(law)) if law else Markup("")
-            cite = _named(known.cite if known else GEOMETRY_SOURCES.get(effect_id, ""), run)
+            source = known or UPGRADES.get(effect_id)
+            cite = _named(source.cite if source else "", run)
             found.append((effect_name(effect_id), role, effect_title(effect_id), body, cite))
     return found
 

@@ -220,15 +220,9 @@ def _with_base(base: str, before: Fit, search: Search, context: Context) -> Cont
 
 
 def _result(
-    context: Context,
-    search: Search,
-    found: Mapping[str, Named],
-    before: tuple[Fit, Contender],
-    after: tuple[Fit, Contender],
-    mechanics: tuple[tuple[str, ...], list[Decision]],
-    *,
-    complete: bool,
-) -> LoopResult:
+    context: Context, search: Search, found: Mapping[str, Named], before: tuple[Fit, Contender],
+    after: tuple[Fit, Contender], mechanics: tuple[tuple[str, ...], list[Decision]], *, complete: bool,
+) -> LoopResult:  # fmt: skip
     train, judge = context.train, context.judge
     geometry, steps = mechanics
     fits = {"before": before[0], "after": after[0]}

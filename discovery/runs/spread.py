@@ -213,11 +213,9 @@ def _stream(
 
 
 def _ended(
-    crew: _Crew,
-    running: dict[int, tuple[str, Any, int, float]],
-    submit: Callable[[str, Any, int], None],
+    crew: _Crew, running: dict[int, tuple[str, Any, int, float]], submit: Callable[[str, Any, int], None],
     limit: float | None,
-) -> Outcome | None:
+) -> Outcome | None:  # fmt: skip
     """Return the outcome of the case that ends next, None where its worker died and it is tried again."""
     key, returned = crew.next()
     name, case, tries, start = running.pop(key)
