@@ -48,7 +48,7 @@ from discovery.report.numbers import (
     uncertain,
     unit_text,
 )
-from discovery.report.page import _every, chart_data
+from discovery.report.page import _ASKED, _every, chart_data
 from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
 from discovery.report.sentences import model_error_words
@@ -321,6 +321,14 @@ def test_a_chart_of_readings_with_others_left_out_warns_of_nothing() -> None:
     time = np.linspace(0.0, 30.0, 12_000)
     readings = np.where(np.arange(time.size) % 2 == 0, np.sin(time), np.nan)[:, None]
     assert _every(readings) >= 1
+
+
+def test_what_the_templates_ask_for_is_there() -> None:
+    pages = (Path(figures.__file__).parents[1] / "templates").glob("*.j2")
+    call = re.compile(rf"\b({'|'.join(_ASKED)})\.(\w+)\(")
+    asked = [found for page in pages for found in call.findall(page.read_text(encoding="utf-8"))]
+    assert len(asked) > 30
+    assert [(room, name) for room, name in asked if not hasattr(_ASKED[room], name)] == []
 
 
 def test_every_decision_of_the_loop_has_its_words() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,8 +69,6 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
 
 def _dataset(case: Case) -> Dataset:
     """Read what a case is made of."""
-    from dataclasses import replace
-
     from discovery.estimation.input_choice import choose_interpolation
     from discovery.foundation.errors import InputError
     from discovery.recordings.dataset import load_dataset

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections import deque
 from collections.abc import Iterator
@@ -52,8 +53,6 @@ def effects(name: str | None, system: str | None, as_json: bool) -> None:
         return
     if system is not None:
         raise click.UsageError("--system picks from the list; the card of one effect says where it applies.")
-    import inspect
-
     effect = get_effect(name, UPGRADES)
     if as_json:
         print_json(_card(name, effect))

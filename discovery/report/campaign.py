@@ -35,10 +35,8 @@ def build_campaign(
     Rows and pooled parameters are those of `discovery.runs.campaign`. Cases with a page ``CASE/report.html`` are linked
     to it, and so is the dashboard of a cluster where its address is of the web.
     """
-    tables = {"matrix": _matrix(folder, rows), "worst": _worst(folder, rows)}
-    if pooled:
-        tables["pooled"] = _pooled(pooled)
-    for table in tables.values():
+    tables = [_matrix(folder, rows), _worst(folder, rows), *([_pooled(pooled)] if pooled else [])]
+    for table in tables:
         written(folder / "tables" / f"{table.name}.csv", table.csv())
     with styled():
         figures = [embed(folder, _specimen(i, parameter)) for i, parameter in enumerate(pooled[:_PARAMETERS])]
@@ -46,7 +44,7 @@ def build_campaign(
         "answer": _answer(rows),
         "many": len(rows) > _MANY,
         "dashboard": dashboard if dashboard.startswith(("http://", "https://")) else "",
-        "tables": {name: table.html() for name, table in tables.items()},
+        "tables": {table.name: table.html() for table in tables},
         "figures": {"specimens": figures},
         "failed": [(row["name"], row["error"][:_SAID]) for row in rows if row["error"]],
     }

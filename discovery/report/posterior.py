@@ -15,12 +15,6 @@ _DIGITS = {"r_hat": 5, "mcse": 2}
 _AGREE = 1.01
 
 
-def is_as_asked(run: Run) -> bool:
-    """Return whether nothing that was asked for is still to come."""
-    pending = run.results.get("pending")
-    return not pending or pending["because"] == "asked"
-
-
 def pending_sentence(run: Run) -> str:
     """Return what of the posterior is not there, why, and how it comes; empty where all is."""
     pending = run.results.get("pending")

@@ -28,8 +28,7 @@ from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
 from discovery.recordings.rounding import resolution
-from discovery.runs.declared_effects import in_its_units, sought
-from discovery.runs.follow_up import contradiction_of, separations
+from discovery.runs.around_search import contradiction_of, in_its_units, separations, sought
 from discovery.runs.loop_result import LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders

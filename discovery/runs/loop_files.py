@@ -25,10 +25,7 @@ from discovery.runs.loop_result import LoopResult
 
 def models_of(result: LoopResult) -> dict[str, Any]:
     """Return the models before and after the loop with all that an export needs, see `discovery.export`."""
-    return {
-        "before": FittedModel.from_fit(result.before).to_dict(),
-        "after": FittedModel.from_fit(result.after).to_dict(),
-    }
+    return {k: FittedModel.from_fit(f).to_dict() for k, f in (("before", result.before), ("after", result.after))}
 
 
 def write_loop(

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from discovery.report.ambiguity import draw_manoeuvres
-from discovery.report.figures import laws, motion, posterior, predictions, residual, search
+from discovery.report.figures import laws, motion, posterior, predictions, search
+from discovery.report.figures.residual import draw_bode, draw_correlogram, draw_residual, draw_spectrum
 from discovery.report.latent import draw_force, draw_map, draw_states
 from discovery.report.results import Run
 from discovery.report.style import Picture, styled
@@ -23,13 +24,7 @@ SECTIONS: dict[str, tuple[Draw, ...]] = {
     "chains": (posterior.draw_chains,),
     "coverage": (predictions.draw_bands,),
     "elastica": (laws.draw,),
-    "residual": (
-        residual.draw_residual,
-        residual.draw_correlogram,
-        residual.draw_spectrum,
-        motion.draw_amplitude,
-        residual.draw_bode,
-    ),
+    "residual": (draw_residual, draw_correlogram, draw_spectrum, motion.draw_amplitude, draw_bode),
     "steps": (search.draw_model_error,),
     "odds": (search.draw_odds,),
     "story": (search.draw_ranking,),

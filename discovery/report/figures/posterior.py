@@ -177,7 +177,6 @@ def draw_correlations(run: Run) -> Picture | None:
 
 _BAND = "#E3E3E3"
 _COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
-_MOST = 8
 #: Steps that a trace shows.
 _STEPS = 400
 
