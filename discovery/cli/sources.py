@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from discovery_datasets.disturbances import Disturbance
 
-    from discovery.recordings.dataset import Dataset
 
 #: Formats of a picture that matplotlib and a browser both know.
 _PICTURES = (".png", ".svg", ".pdf")
@@ -86,6 +85,8 @@ def check(
     Nothing is fitted. A rig file or a recording that cannot be right ends with exit status 2 and its reason.
     """
     from discovery.drafting.overview import overview, overview_lines
+    from discovery.foundation.io import atomic_write
+    from discovery.plots.axes import detached_axes
     from discovery.recordings.dataset import load_dataset
 
     if opened and plot is None:
@@ -96,7 +97,10 @@ def check(
     tell_unused(dataset.rig, train, holdout)
     content: Mapping[str, Any] = overview(dataset)
     if plot is not None:
-        _draw(dataset, plot)
+        figure, axes = detached_axes(len(dataset.with_test))
+        dataset.plot_recordings(axes)
+        with atomic_write(plot) as beside:
+            figure.savefig(beside)
     if as_json:
         print_json({**content, "files": [] if plot is None else [plot]})
     else:
@@ -106,17 +110,6 @@ def check(
             click.echo(f"written: {plot}")
     if opened and click.launch(str(plot)):
         note(f"{plot}: no program was found that opens it.")
-
-
-def _draw(dataset: Dataset, place: Path) -> None:
-    """Draw the recordings to a file."""
-    from discovery.foundation.io import atomic_write
-    from discovery.plots.axes import detached_axes
-
-    figure, axes = detached_axes(len((*dataset.everything, *dataset.test)))
-    dataset.plot_recordings(axes)
-    with atomic_write(place) as beside:
-        figure.savefig(beside)
 
 
 #: Manoeuvres of the twin, named here so that the help is there at once.

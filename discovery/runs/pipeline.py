@@ -16,7 +16,6 @@ from discovery.foundation.arguments import as_folder, check_seed, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
-from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
 from discovery.results import curves
 from discovery.results.manifest import SAVING, hashes, move_in_place
@@ -180,7 +179,12 @@ def _sample(found: Answer, done: Sampled, progress: Tell, checkpoint: Path) -> N
         done.reached = told if isinstance(told, Progress) else done.reached
         progress(told)
 
-    posterior = _draws(subject, seed, heard, checkpoint)
+    try:
+        posterior = stages.sampled(subject, seed=seed, progress=heard, backend=checkpoint)
+    except InputError:
+        # The checkpoint is of another run of this folder, interrupted and now overtaken.
+        checkpoint.unlink(missing_ok=True)
+        posterior = stages.sampled(subject, seed=seed, progress=heard, backend=checkpoint)
     study = stages.studied(posterior, subject, found.dataset, seed=seed, progress=progress)
     done.posterior, done.study, done.left_out = posterior, study, _PARTS[1:]
     if not _came_as_far(found.kept, done):
@@ -219,13 +223,3 @@ def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) 
         write_json(beside / "results.json", content)
         move_in_place(beside, out, same_answer=not first)
     return content
-
-
-def _draws(subject: Fit, seed: int, progress: Tell, checkpoint: Path) -> Posterior:
-    """Return the posterior of a fit, continued from a checkpoint of the same run where one is there."""
-    try:
-        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint)
-    except InputError:
-        # The checkpoint is of another run of this folder, interrupted and now overtaken.
-        checkpoint.unlink(missing_ok=True)
-        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint)
