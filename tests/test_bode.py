@@ -10,8 +10,7 @@ import synthetic_run
 import xarray as xr
 from scipy.signal import butter, sosfilt, sosfreqz
 
-from discovery.report.figures import bode
-from discovery.report.figures.bode import response
+from discovery.report.figures.residual import draw_bode, response
 from discovery.report.results import Run
 from discovery.results.curves import save_groups
 
@@ -42,7 +41,7 @@ def test_a_driven_oscillator_has_a_bode_plot(tmp_path: Path) -> None:
         tmp_path / "trajectories.nc",
         {"train_a": xr.Dataset(variables, {"time": time, "channel": ["output"]})},
     )
-    picture = bode.draw(Run(tmp_path, results))
+    picture = draw_bode(Run(tmp_path, results))
     assert picture
     gains = {line.get_label(): line.get_ydata() for line in picture.figure.axes[0].lines}
     assert set(gains) == {"measured", "before: declared model", "after: final model"}

@@ -18,7 +18,7 @@ from discovery.estimation.declared import first_fit
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.natural_units import natural_units
 from discovery.recordings.dataset import load_dataset
-from discovery.report.caution_sentences import caution_sentence
+from discovery.report.doubt_sentences import caution_sentence
 from discovery.report.sentences import decision_sentence
 
 

@@ -26,7 +26,7 @@ from discovery_datasets import instrument, recordings, registry
 from discovery_datasets.disturbances import DISTURBANCES
 
 from discovery.cli import cli, main
-from discovery.cli.initial_state import check_state
+from discovery.cli.answers import check_state
 from discovery.cli.options import KINDS as NAMED_KINDS
 from discovery.cli.options import Seconds, progress
 from discovery.cli.say import doubts, say_loop
@@ -36,6 +36,7 @@ from discovery.declarations.registry import catalogue
 from discovery.declarations.system import System
 from discovery.diagnosis.caution import missed
 from discovery.foundation.errors import ComputationError, InputError
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.flags import Flag
@@ -44,7 +45,7 @@ from discovery.report import build_report
 from discovery.results.provenance import surroundings
 from discovery.rigs.rig_schema import RigTable
 from discovery.runs import stages
-from discovery.runs.loop_result import UPGRADES, LoopResult
+from discovery.runs.loop_result import LoopResult
 from discovery.selection.decision import Decision
 from discovery.simulation.kernel import compile as compiled
 
@@ -829,7 +830,7 @@ def test_noise_must_be_known_and_apply(case: Case, tmp_path: Path, capsys: pytes
 
 def test_effects(capsys: pytest.CaptureFixture[str]) -> None:
     listed = call(capsys, "effects")
-    assert [line.split()[0] for line in listed.out.splitlines()] == sorted({*catalogue(), *(n for _, n in UPGRADES)})
+    assert [line.split()[0] for line in listed.out.splitlines()] == sorted({*catalogue(), *UPGRADES})
     assert list(NAMED_KINDS) == list(get_args(RigTable.model_fields["kind"].annotation))
     assert call(capsys, "effects", "coulomb_friction", "--system", "oscillator").status == 2
     card = call(capsys, "effects", "coulomb_friction")
@@ -862,7 +863,7 @@ def test_effects_of_a_kind_are_those_that_a_loop_tries(kind: str, capsys: pytest
     tried, never = TRIED[kind]
     assert tried <= listed
     assert not never & listed
-    assert listed <= {i for i, e in catalogue().items() if System.of(kind) in e.systems} | {n for _, n in UPGRADES}
+    assert listed <= {i for i, e in catalogue().items() if System.of(kind) in e.systems} | {*UPGRADES}
 
 
 def test_effects_says_where_an_effect_applies_and_what_to_do_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
@@ -880,7 +881,7 @@ def test_effects_says_where_an_effect_applies_and_what_to_do_elsewhere(capsys: p
     assert "Did you mean base_backlash, friction_through_play?" in spoken.err
 
 
-@pytest.mark.parametrize(("base", "name"), UPGRADES)
+@pytest.mark.parametrize(("base", "name"), [(step.base, name) for name, step in UPGRADES.items()])
 def test_effects_shows_what_the_loop_calls_a_step_of_the_mechanics(
     base: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

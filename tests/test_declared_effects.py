@@ -10,7 +10,7 @@ from pushed_oscillator import DECLARED, RIG, UNITS, pushes, recorded
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.estimation.holdout import HoldOut
-from discovery.runs.declared_effects import sought
+from discovery.runs.around_search import sought
 from discovery.selection.context import Context
 from discovery.selection.settings import LoopSettings
 

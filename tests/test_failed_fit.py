@@ -11,7 +11,7 @@ import pytest
 
 from discovery.cli import main
 from discovery.report import build_report
-from discovery.report.caution_sentences import failure_sentence, remedy_sentence
+from discovery.report.doubt_sentences import failure_sentence, remedy_sentence
 from discovery.report.index import build_index
 from discovery.report.sentences import verdict_sentence
 

@@ -16,7 +16,7 @@ from discovery.estimation.fit import Fit, fit
 from discovery.estimation.residual import examine
 from discovery.recordings.drive import Drive
 from discovery.recordings.flags import UNDERSTATED
-from discovery.report.caution_sentences import caution_sentence
+from discovery.report.doubt_sentences import caution_sentence
 from discovery.runs.loop_result import LoopResult
 
 COUNT = bench.TIME.size

@@ -23,7 +23,7 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate
 from discovery.estimation.covariance import covariance_of
 from discovery.recordings.dataset import load_dataset
 from discovery.results.provenance import plain
-from discovery.runs.follow_up import contradiction_of, designs
+from discovery.runs.around_search import contradiction_of, designs
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
 from discovery.selection.context import Context

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from discovery.report.figures.manoeuvre import draw
+from discovery.report.ambiguity import draw_manoeuvres
 from discovery.report.style import render, styled
 
 LONG = ["viscoelastic_relaxation_at_pivot", "amplitude_dependent_damping_at_pivot", "friction_through_play_at_pivot"]
@@ -21,7 +21,7 @@ def test_the_names_of_rivals_leave_room_for_their_curves(rivals: list[str]) -> N
     told = {"decides": True, "rivals": rivals, "clusters": [[name] for name in rivals]}
     design = {**told, "moves": [], "predicted": predicted, "release": 0.3, "unit": "rad/s"}
     with styled():
-        (picture,) = draw(SimpleNamespace(loop={"separation": [design]}))
+        (picture,) = draw_manoeuvres(SimpleNamespace(loop={"separation": [design]}))
         render(picture)
     above = picture.figure.axes[0]
     legend = above.get_legend().get_window_extent()

@@ -21,8 +21,8 @@ from discovery.equations.model import Model
 from discovery.estimation.fit import Fit, fit
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report, figures
-from discovery.report.figures import manoeuvre
-from discovery.report.follow_up_sentences import separation_sentence
+from discovery.report.ambiguity import draw_manoeuvres
+from discovery.report.doubt_sentences import separation_sentence
 from discovery.simulation.simulate import Simulator
 
 PAIR = ("coulomb_friction", "quadratic_drag")
@@ -171,7 +171,7 @@ def page_with(folder: Path, *designs: Separation, decides: bool = True) -> str:
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_shows_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (draw_manoeuvres,))
     page = page_with(tmp_path, course(), release())
     assert 'id="figure-manoeuvre_1"' in page
     assert 'id="figure-manoeuvre_2"' in page
@@ -184,7 +184,7 @@ def test_the_page_shows_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_where_nothing_decides_the_page_says_so_and_names_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (draw_manoeuvres,))
     page = page_with(tmp_path, course(), release(), decides=False)
     assert page.count("No manoeuvre within the safe limits") == 2
     assert "manoeuvre_1" not in page
@@ -193,7 +193,7 @@ def test_where_nothing_decides_the_page_says_so_and_names_no_file(
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_joins_what_is_one_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (draw_manoeuvres,))
     page = page_with(tmp_path, with_twins("free"))
     assert "are the same law: no recording" in page
     (row,) = pd.read_csv(tmp_path / "tables" / "separation.csv").to_dict("records")
@@ -211,7 +211,7 @@ def test_results_of_old_that_know_no_laws_are_read() -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_release_alone_moves_no_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (draw_manoeuvres,))
     page = page_with(tmp_path, release())
     assert "let go at" in page
     assert 'id="table-separation"' in page

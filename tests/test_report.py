@@ -30,15 +30,13 @@ from discovery.mechanics import base_names, get_base
 from discovery.mechanics.systems import declare
 from discovery.posterior.inference_data import arranged
 from discovery.report import build_report, evidence, figures, posterior, sentences, story
-from discovery.report.charts import _every, chart_data
 from discovery.report.effect_formulas import effect_formula
 from discovery.report.equations import drive_symbols, model_formulas
 from discovery.report.estimates import posterior_table
-from discovery.report.figures import correlogram, laws, model_error, motion, nats, ranking
+from discovery.report.figures import laws, motion, residual
+from discovery.report.figures.search import LOSS, draw_model_error, draw_ranking, nats_axis
 from discovery.report.index import build_index
-from discovery.report.latex import latex
-from discovery.report.mathml import block, formula
-from discovery.report.model_error_sentences import model_error_words
+from discovery.report.mathml import block, formula, latex
 from discovery.report.noise import honest_table, noise_differs, noise_sentence
 from discovery.report.numbers import (
     MISSING,
@@ -50,8 +48,10 @@ from discovery.report.numbers import (
     uncertain,
     unit_text,
 )
+from discovery.report.page import _ASKED, _every, chart_data
 from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
+from discovery.report.sentences import model_error_words
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline, prose
 from discovery.results.provenance import read_json, write_json
@@ -323,6 +323,14 @@ def test_a_chart_of_readings_with_others_left_out_warns_of_nothing() -> None:
     assert _every(readings) >= 1
 
 
+def test_what_the_templates_ask_for_is_there() -> None:
+    pages = (Path(figures.__file__).parents[1] / "templates").glob("*.j2")
+    call = re.compile(rf"\b({'|'.join(_ASKED)})\.(\w+)\(")
+    asked = [found for page in pages for found in call.findall(page.read_text(encoding="utf-8"))]
+    assert len(asked) > 30
+    assert [(room, name) for room, name in asked if not hasattr(_ASKED[room], name)] == []
+
+
 def test_every_decision_of_the_loop_has_its_words() -> None:
     folder = Path(story.__file__).parents[1]
     sources = [folder / "runs" / "loop.py", *(folder / "selection").glob("*.py")]
@@ -369,7 +377,7 @@ def test_a_declared_model_without_a_finite_error_is_told(arm: Made, broken: floa
     told = sentences.verdict_sentence(loop)
     assert told.startswith("the model error falls from ")
     assert "to 20.0 µm, which counts as none (up to 45.0 µm)" in told
-    picture = model_error.draw(Run(arm[0], {**arm[1], "loop": loop}))
+    picture = draw_model_error(Run(arm[0], {**arm[1], "loop": loop}))
     assert [t.get_text() for t in picture.figure.axes[0].texts] == ["blows up", "0.0200 mm"]
 
 
@@ -387,7 +395,7 @@ def test_searches_are_told_apart_by_what_is_in_the_model(arm: Made) -> None:
 
 
 def test_candidates_are_bars_of_log_evidence(arm: Made) -> None:
-    first, second = ranking.draw(Run(arm[0], arm[1]))
+    first, second = draw_ranking(Run(arm[0], arm[1]))
     assert "beside Coulomb friction" in second.caption
     for picture, search in zip((first, second), story.searches(Run(arm[0], arm[1])), strict=True):
         (axes,) = picture.figure.axes
@@ -396,7 +404,7 @@ def test_candidates_are_bars_of_log_evidence(arm: Made) -> None:
         simulated = [c for c in search.candidates if not story.blows_up(c)]
         told = [c[k] for c in simulated for k in ("train", "held")]
         # A loss beyond the axis ends at its edge.
-        assert drawn == pytest.approx([max(v, left, nats.LOSS) for v in told])
+        assert drawn == pytest.approx([max(v, left, LOSS) for v in told])
         assert max(told) <= right
         hatched = [bool(p.get_hatch()) for p in axes.patches]
         assert hatched == [False, True] * len(simulated)
@@ -426,7 +434,7 @@ def test_a_candidate_that_blows_up_is_said_to_and_has_no_bar(
     run = Run(tmp_path, read_json(tmp_path / "results.json"))
     ((_, first, outcome, *shown, _), _) = evidence.ranking_table(run).rows  # type: ignore[union-attr]
     assert (first, outcome, {*shown}) == ("wind", "blows up", {MISSING})
-    (picture,) = ranking.draw(run)
+    (picture,) = draw_ranking(run)
     (axes,) = picture.figure.axes
     assert [p.get_width() for p in axes.patches] == [4.0, 1.0]
     assert axes.get_yticklabels()[0].get_text() == "wind\n(blows up)"
@@ -437,7 +445,7 @@ def test_a_candidate_that_blows_up_is_said_to_and_has_no_bar(
 @pytest.mark.parametrize("most", [0.4, 5.0, 59.0, 61.0, 2e3, 4e6])
 def test_an_axis_of_log_evidence_shows_the_odds_that_decide(most: float) -> None:
     axes = new_figure(2.0).subplots()
-    nats.nats_axis(axes, [most, -0.3 * most, None, -math.inf])
+    nats_axis(axes, [most, -0.3 * most, None, -math.inf])
     left, right = axes.get_xlim()
     assert left < 0 < LoopSettings.nats < right
     assert most < right
@@ -493,9 +501,9 @@ def test_notes_stand_with_the_recordings(tmp_path: Path) -> None:
 
 def test_a_free_decay_is_shown_without_an_input(oscillator: Made) -> None:
     run = Run(*oscillator[:2])
-    assert "output and input" in motion.draw(run).caption
+    assert "output and input" in motion.draw_motion(run).caption
     run.__dict__["trajectories"] = tuple(replace(t, input=None) for t in run.trajectories)
-    shown = motion.draw(run)
+    shown = motion.draw_motion(run)
     assert shown.caption.startswith("Measured: output of ")
     assert "input" not in shown.caption + shown.alt
     assert len(shown.figure.axes) == 1
@@ -768,21 +776,21 @@ def test_a_card_shows_verdict_picture_and_the_error_before_and_after(arm: Made, 
 
 def test_white_noise_stays_in_the_band_and_an_echo_leaves_it() -> None:
     noise = np.random.default_rng(3).normal(size=4000)
-    alone = correlogram.correlation(noise, noise, 40)
+    alone = residual.correlation(noise, noise, 40)
     assert alone[0] == pytest.approx(1.0)
     assert np.mean(np.abs(alone[1:]) < 2.576 / np.sqrt(noise.size)) > 0.9
-    late = correlogram.correlation(np.roll(noise, 7), noise, 40)
+    late = residual.correlation(np.roll(noise, 7), noise, 40)
     assert int(np.argmax(late)) == 7
     gaps = np.where(np.arange(noise.size) % 9, noise, np.nan)
-    assert correlogram.correlation(gaps, gaps, 3)[0] == pytest.approx(1.0)
-    assert not correlogram.correlation(np.ones(50), noise[:50], 5).any()
+    assert residual.correlation(gaps, gaps, 3)[0] == pytest.approx(1.0)
+    assert not residual.correlation(np.ones(50), noise[:50], 5).any()
 
 
 def test_the_fit_is_all_without_an_error_and_none_by_the_mean() -> None:
     measured = np.sin(np.linspace(0.0, 20.0, 500))
-    assert correlogram.fit_per_cent(measured, np.zeros(500)) == 100.0
-    assert correlogram.fit_per_cent(measured, measured.mean() - measured) == pytest.approx(0.0, abs=1e-9)
-    half = correlogram.fit_per_cent(measured, 0.5 * (measured - measured.mean()))
+    assert residual.fit_per_cent(measured, np.zeros(500)) == 100.0
+    assert residual.fit_per_cent(measured, measured.mean() - measured) == pytest.approx(0.0, abs=1e-9)
+    half = residual.fit_per_cent(measured, 0.5 * (measured - measured.mean()))
     assert half == pytest.approx(50.0)
 
 
@@ -1382,7 +1390,7 @@ def test_a_unit_of_one_has_no_brackets_and_an_empty_column_is_left_out(made: Mad
 
 @pytest.mark.parametrize(("largest", "power"), [(3.0, 0), (0.02, 0), (6e-3, -3), (4e-5, -5), (2e6, 6), (0.0, 0)])
 def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power: int) -> None:
-    from discovery.report.figures.corner_plot import _tens
+    from discovery.report.figures.posterior import _tens
 
     assert _tens(np.array([0.0, -largest])) == power
 

@@ -35,7 +35,7 @@ from benchmarks.paper.studies.steps import freed
 from discovery.equations.model import Model
 from discovery.foundation.errors import InputError, NotConverged, NotIdentifiable
 from discovery.recordings.recording import Recording
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.rigs.rig import Quantity
 
 #: As the paper prints them: mean position errors [m] of linear model, cubic spring, and with the radius law.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.paper.figures import SECTIONS, draw_all
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import Picture, render, styled
 
 TIME = np.arange(0.0, 24.0, 0.02)

@@ -43,7 +43,7 @@ from benchmarks.paper.studies import (
 )
 from benchmarks.paper.study import STUDIES, run_studies
 from discovery.foundation.errors import InputError
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 
 #: Its small studies take half a minute; `make reproduce` builds the same page and its checks see it.
 pytestmark = pytest.mark.slow

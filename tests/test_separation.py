@@ -38,10 +38,10 @@ from discovery.estimation.fit import Fit
 from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
 from discovery.report import build_report, figures
-from discovery.report.figures import manoeuvre
-from discovery.report.follow_up_sentences import separation_sentence
+from discovery.report.ambiguity import draw_manoeuvres
+from discovery.report.doubt_sentences import separation_sentence
 from discovery.rigs.rig import Rig
-from discovery.runs.follow_up import separations, told_apart
+from discovery.runs.around_search import separations, told_apart
 from discovery.runs.loop_files import write_loop
 
 LIMITS = MotorLimits(angle=1.5, speed=2.0, acceleration=12.0, duration=6.0, deflection=0.95)
@@ -348,7 +348,7 @@ def test_limits_as_shown_change_nothing() -> None:
 def test_the_loop_designs_within_what_the_rig_file_states(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = ("table_tilt", "encoder_ripple")
     fits = stating(pair, motor_speed_limit=0.7)
-    monkeypatch.setattr("discovery.runs.follow_up.fit_near", lambda problem, values: problem)
+    monkeypatch.setattr("discovery.runs.around_search.fit_near", lambda problem, values: problem)
     chosen, other = (SimpleNamespace(refit=SimpleNamespace(problem=fits[name], values={})) for name in pair)
     settings, train = SimpleNamespace(seed=1, follow_up=True), [SimpleNamespace(system=ARM)]
     context: Any = SimpleNamespace(progress=lambda text: None, settings=settings, train=train)
@@ -446,7 +446,7 @@ def test_what_cannot_be_separated_is_refused() -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_report_shows_rivals_and_the_manoeuvre(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(figures.SECTIONS, "undecided", (manoeuvre.draw,))
+    monkeypatch.setitem(figures.SECTIONS, "undecided", (draw_manoeuvres,))
     results = write_arm_run(tmp_path)
     found = designed(("table_tilt", "encoder_ripple"))
     results["loop"]["separation"] = [found.summary()]

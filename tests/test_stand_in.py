@@ -9,7 +9,7 @@ import synthetic_run
 from discovery.cli.say import doubts
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
-from discovery.report.follow_up_sentences import stand_in_sentence
+from discovery.report.doubt_sentences import stand_in_sentence
 from discovery.results.provenance import plain, write_json
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult

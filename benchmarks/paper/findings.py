@@ -10,7 +10,7 @@ from typing import Any
 from benchmarks.paper.items import Item, percent
 from discovery.report.mathml import GREEK
 from discovery.report.numbers import MISSING, significant
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 
 #: Errata of the list; the others were found beside them.
 _LISTED = "abcdef"

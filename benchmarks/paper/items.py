@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from discovery.report.numbers import MISSING, significant, uncertain
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 
 _TERMS = {"delta": "δ", "delta^3": "δ³", "theta_t'": "θ̇"}
 

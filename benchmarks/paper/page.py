@@ -20,7 +20,7 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.report.numbers import significant
 from discovery.report.page import embed, environment
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import styled
 from discovery.report.tables import Table
 from discovery.results.provenance import read_json

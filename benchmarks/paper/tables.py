@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.paper.items import Item
 from benchmarks.paper.stand import POSITION_NOISE
 from discovery.report.numbers import significant
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.tables import Table
 
 

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 import click
 
-from discovery.cli import answers, begin, campaigns, export, sources, stages
+from discovery.cli import answers, campaigns, export, sources, stages
 from discovery.cli.streams import is_of_output, open_streams, unwritten
 
 # Linear algebra here is small: a second BLAS thread only spins beside the kernel's own. Set before numpy is imported.
@@ -54,7 +54,7 @@ def cli() -> None:
     """Discover the equation of motion of a mechanical system, and find the effect that its model lacks."""
 
 
-_ROOMS = (begin, answers, stages, campaigns, export, sources)
+_ROOMS = (answers, stages, campaigns, export, sources)
 for _command in (command for room in _ROOMS for command in room.COMMANDS):
     cli.add_command(_command)
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from discovery.cli.folders import results_folder
-from discovery.cli.initial_state import check_state, read_state
 from discovery.cli.loop_page import check_parts, remove_page, write_failed_page, write_page
 from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress
 from discovery.cli.say import doubts, say_doubts, say_failed, say_left_out, say_loop, say_missing
@@ -27,6 +26,11 @@ if TYPE_CHECKING:
     from discovery.runs.answer import Answer
     from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
+
+#: A recorded reach, or a turn, times so much is still believed of an angle that turns on.
+_ANGLES = 2.0
+#: A recorded reach times so much is still believed of a length: a thousand is a mistaken prefix.
+_LENGTHS = 30.0
 
 
 @click.command()
@@ -68,9 +72,7 @@ def run(
         pipeline.save_failed(folder, failure.loop, seed=seed, note=data_note)
         _say_failed(failure.loop, [folder / "loop.json", build_report(folder)], as_json)
         return
-    doubted = doubts(found.loop, dataset)
-    if not as_json:
-        _say_answer(found.loop, doubted)
+    doubted = _said(found.loop, dataset, None, as_json)
     start = time.monotonic()
     with progress(quiet) as tell:
         tell("writing the report")
@@ -88,13 +90,6 @@ def run(
     if not as_json:
         say_left_out(pending)
         click.echo(f"{page}")
-
-
-def _say_answer(result: LoopResult, doubted: list[str]) -> None:
-    """Say what a loop found, and what doubts it."""
-    with spoken():
-        say_loop(result)
-        say_doubts(doubted)
 
 
 def _posterior(
@@ -144,7 +139,7 @@ def loop(
     from discovery.runs.stages import loop as close
     from discovery.runs.stages import unexplained
 
-    initial = read_state(initial_state)
+    initial = _read_state(initial_state)
     if initial is not None and target is None:
         raise click.UsageError("--initial-state needs --predict: training and hold-out start where their fit says.")
     dataset = load(rig, train, holdout, quiet, estimate_noise=estimate_noise)
@@ -179,6 +174,52 @@ def loop(
         raise failed
 
 
+def _read_state(text: str | None) -> tuple[float, float] | None:
+    """Return the two numbers of ``--initial-state``; refuse what are not two finite numbers."""
+    if text is None:
+        return None
+    from discovery.foundation.errors import InputError
+
+    try:
+        angle, rate = (float(part) for part in text.split(","))
+        if not (math.isfinite(angle) and math.isfinite(rate)):
+            raise ValueError
+    except ValueError:
+        raise InputError(
+            f"--initial-state {text!r} is not ANGLE,RATE: give two numbers in rad and rad/s, such as 0.1,0, or where "
+            "the output is a length in m and m/s."
+        ) from None
+    return angle, rate
+
+
+def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
+    """Refuse a state in degrees, or in a column's unit that is not an SI unit, with the same state in SI units."""
+    first = dataset.train[0]
+    if state is None or first.rig.view is not None or first.reads_acceleration:
+        return
+    import numpy as np
+
+    from discovery.declarations.units import si_factor
+    from discovery.foundation.errors import InputError
+
+    value, rate = state
+    unit, column = first.coordinate_unit, first.rig.columns.output.unit
+    # A hub or a pendulum may turn on: what was recorded is believed, and as much again.
+    reach = max(float(np.nanmax(np.abs(e.deflection))) for _, e in dataset.everything)
+    if unit == "rad":
+        factor, other = math.radians(1.0), "degrees"
+        mistaken = abs(value) > max(2.0 * math.pi, _ANGLES * reach)
+    else:
+        factor, other = si_factor(column), column
+        mistaken = abs(value) > _LENGTHS * reach >= factor * abs(value)
+    if mistaken:
+        raise InputError(
+            f"--initial-state {value:g},{rate:g} is in {unit} and {unit}/s, but the recordings reach no farther than "
+            f"{reach:.3g} {unit}. If you mean {value:g} {other}, give --initial-state "
+            f"{factor * value:.4g},{factor * rate:.4g}."
+        )
+
+
 def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None) -> Experiment:
     """Read what is to be predicted."""
     from discovery.recordings.experiment import make_experiment
@@ -197,8 +238,9 @@ def _said(result: LoopResult, dataset: Dataset, missing: MissingForce | None, as
     """Say what a loop found, unless a document will, and return what doubts it."""
     doubted = doubts(result, dataset)
     if not as_json:
-        _say_answer(result, doubted)
         with spoken():
+            say_loop(result)
+            say_doubts(doubted)
             say_missing(missing)
     return doubted
 

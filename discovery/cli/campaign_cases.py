@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,10 +32,9 @@ class Case:
 
 
 def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
-    """Return the rig files below a folder, at any depth, and the other TOML files there; or the one that is named.
+    """Return the rig files below a folder, or the one that is named, and the other TOML files there.
 
-    A file ``rig*.toml`` is a rig file even where it cannot be read, so that its mistake is told. InputError if there is
-    none, or the one that is named cannot be read.
+    A ``rig*.toml`` counts even where it cannot be read. InputError if there is none, or the named one cannot be read.
     """
     from discovery.foundation.errors import InputError
     from discovery.foundation.io import shown
@@ -56,8 +56,6 @@ def rig_files(where: Path) -> tuple[list[Path], list[Path]]:
 
 def _is_rig(path: Path) -> bool:
     """Whether a TOML file describes a system, rightly or not."""
-    import tomllib
-
     from discovery.declarations.unit_suffixes import split_suffix
     from discovery.rigs.kinds import KINDS
     from discovery.rigs.quantities import QUANTITIES
@@ -75,11 +73,7 @@ def _is_rig(path: Path) -> bool:
 def found_cases(
     rigs: Sequence[Path], root: Path, out: Path, *, seed: int = 1, each: bool = False, page: bool = False
 ) -> list[tuple[str, Case]]:
-    """Return the cases of rig files below a folder, named by where they are, each with a folder in `out`.
-
-    The recordings of a rig are those of its [records]; where it names none to train on, the files ``train*.csv`` and
-    ``holdout*.csv`` beside it, but for ``*_clean.csv``. With `each`, every training recording is a case of its own.
-    """
+    """Return the cases of rig files below a folder by name, each with a folder in `out`, as `campaign` says."""
     cases: dict[str, Case] = {}
     for rig in rigs:
         place = (rig.parent if rig.name == "rig.toml" else rig.with_suffix("")).relative_to(root)
@@ -94,16 +88,7 @@ def found_cases(
             while name in cases or name == "cases":
                 count += 1
                 name = f"{wanted}_{count}"
-            cases[name] = Case(
-                rig.resolve(),
-                files,
-                holdout=holdout,
-                own=own,
-                only=only,
-                out=out.resolve() / name,
-                seed=seed,
-                page=page,
-            )
+            cases[name] = Case(rig.resolve(), files, holdout, own, only, out.resolve() / name, seed=seed, page=page)
     return list(cases.items())
 
 

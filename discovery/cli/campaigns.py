@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,8 +69,6 @@ def close(case: Case, _seed: SeedSequence) -> Mapping[str, Any]:
 
 def _dataset(case: Case) -> Dataset:
     """Read what a case is made of."""
-    from dataclasses import replace
-
     from discovery.estimation.input_choice import choose_interpolation
     from discovery.foundation.errors import InputError
     from discovery.recordings.dataset import load_dataset
@@ -135,14 +134,6 @@ def _say_left(left: Sequence[tuple[str, Case, str]], cases: Sequence[tuple[str, 
             note(f"{name} is done again: {reason}")
 
 
-def _print_cases(folder: Path, cases: Sequence[tuple[str, Case]], files: Sequence[Path]) -> None:
-    """Print the outcomes of all cases as one JSON document."""
-    from discovery.results.provenance import read_json
-
-    kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
-    print_json({"cases": kept, "files": files})
-
-
 def _count(number: int, word: str) -> str:
     return f"{number} {word}{'s' * (number != 1)}"
 
@@ -190,6 +181,7 @@ def campaign(
     scheduler nothing listens on any port.
     """
     from discovery.foundation.errors import ComputationError
+    from discovery.results.provenance import read_json
     from discovery.runs.campaign import campaign as run
     from discovery.runs.campaign import collect, unfinished, watched
 
@@ -215,7 +207,8 @@ def campaign(
     table = collect(folder, [name for name, _ in cases], apart=["parameters"])
     page = _page(folder, [name for name, _ in cases], *dashboards)
     if as_json:
-        _print_cases(folder, cases, [table, page])
+        kept = {name: read_json(folder / "cases" / f"{name}.json") for name, _ in cases}
+        print_json({"cases": kept, "files": [table, page]})
     else:
         click.echo(f"{table}\n{page}")
     if failed:

@@ -10,10 +10,7 @@ import click
 
 
 def results_folder(out: Path, *files: str) -> Path:
-    """Return the folder of ``--out``, made if need be; refuse one in which these files cannot be written.
-
-    No other command writes to it until this one ends.
-    """
+    """Return the folder of ``--out``, made and held until the command ends; refuse one that cannot take these files."""
     from discovery.foundation.errors import InputError
 
     if os.path.exists(out) and not out.is_dir():
@@ -25,10 +22,7 @@ def results_folder(out: Path, *files: str) -> Path:
 
 
 def writable(folder: Path) -> Path:
-    """Return a folder, made if need be; refuse one in which nothing can be written.
-
-    What is made, and is still empty when the command ends, is removed.
-    """
+    """Return a folder, made if need be and removed if empty at the end; refuse one in which nothing can be written."""
     from tempfile import TemporaryFile
 
     from discovery.foundation.errors import InputError
@@ -56,8 +50,7 @@ def writable(folder: Path) -> Path:
 def held(folder: Path) -> Path:
     """Return a folder that no other command writes to until this one ends; refuse one to which another does.
 
-    What commands that were ended from outside left in it is removed, and so is what this one leaves where it is
-    interrupted between making a folder and knowing that it has.
+    Unfinished files of commands that were ended from outside, this one included, are removed.
     """
     from discovery.foundation.errors import InputError
     from discovery.foundation.locks import folder_lock

@@ -174,14 +174,9 @@ def progress(quiet: bool) -> Iterator[Tell]:
 
 
 def load(
-    rig: Path,
-    train: tuple[Path, ...],
-    holdout: tuple[Path, ...],
-    quiet: bool,
-    *,
-    keep_third: bool = True,
+    rig: Path, train: tuple[Path, ...], holdout: tuple[Path, ...], quiet: bool, *, keep_third: bool = True,
     estimate_noise: bool = False,
-) -> Dataset:
+) -> Dataset:  # fmt: skip
     """Read the rig file and the recordings that a command names, and say what is unusual about them."""
     from discovery.estimation.input_choice import choose_interpolation
     from discovery.recordings.dataset import load_dataset

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
-    from discovery.report.follow_up_sentences import contradiction_sentences, separation_sentence
-    from discovery.report.model_error_sentences import model_error_words
-    from discovery.report.sentences import lead_sentence
+    from discovery.report.doubt_sentences import contradiction_sentences, separation_sentence
+    from discovery.report.sentences import lead_sentence, model_error_words
 
     content = result.summary()
     click.echo(f"verdict: {content['verdict']}")
@@ -38,7 +37,7 @@ def say_loop(result: LoopResult) -> None:
 
 def say_failed(content: Mapping[str, Any]) -> None:
     """Say why a declared model has no fit, and what would help."""
-    from discovery.report.caution_sentences import failure_sentence, remedy_sentence
+    from discovery.report.doubt_sentences import failure_sentence, remedy_sentence
 
     click.echo(f"verdict: {content['verdict']}")
     click.echo(f"failed: {failure_sentence(content['failure'])}")
@@ -62,10 +61,10 @@ def say_missing(missing: MissingForce | None) -> None:
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
     from discovery.declarations.registry import effect_name
+    from discovery.mechanics.upgrades import UPGRADES
     from discovery.report.sentences import effect_sentence
-    from discovery.runs.loop_result import UPGRADES
 
-    role = "mechanics" if effect["id"] in {name for _, name in UPGRADES} else "added"
+    role = "mechanics" if effect["id"] in UPGRADES else "added"
     values = ", ".join(
         " = ".join([n, *(estimate_text(q["value"], q["sd"], q["unit"]) for q in (p, p.get("physical")) if q)])
         + (f", {p['reason']}" if "reason" in p else "")
@@ -109,8 +108,7 @@ def say_left_out(pending: Mapping[str, Any] | None) -> None:
 def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     """Return what doubts the verdict of a loop, a sentence for each fault."""
     from discovery.recordings.flags import doubted, misstated
-    from discovery.report.caution_sentences import caution_sentence
-    from discovery.report.follow_up_sentences import stand_in_sentence
+    from discovery.report.doubt_sentences import caution_sentence, stand_in_sentence
     from discovery.report.sentences import decision_sentence, doubts_answer
 
     flags = {recording.name: recording.flags for recording in result.recordings}

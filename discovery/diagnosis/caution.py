@@ -1,6 +1,6 @@
 """What a fit cannot be believed for, as records: values at an edge, hold-outs missed, and what is left.
 
-Sentences are made from them in one place, `discovery.report.caution_sentences`.
+Sentences are made from them in one place, `discovery.report.doubt_sentences`.
 """
 
 from __future__ import annotations

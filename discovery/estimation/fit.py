@@ -24,7 +24,7 @@ from discovery.estimation.step_control import tightened
 from discovery.foundation.arguments import check_number
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, SimulationFailure
-from discovery.plots.fits import FitViews
+from discovery.plots.estimates import FitViews
 from discovery.recordings.chosen import Recordings, training_of
 from discovery.simulation.simulate import check_finite
 

@@ -6,7 +6,6 @@ Here belongs what writes a model or reads it again. What fits or shows one does 
 from __future__ import annotations
 
 from discovery.export.c_source import to_c as to_c
-from discovery.export.discrete import discretise as discretise
 from discovery.export.feed_forward import FeedForward as FeedForward
 from discovery.export.feed_forward import feed_forward as feed_forward
 from discovery.export.files import FORMATS as FORMATS
@@ -22,6 +21,7 @@ from discovery.export.json_file import to_json as to_json
 from discovery.export.latex import to_latex as to_latex
 from discovery.export.linear import LinearModel as LinearModel
 from discovery.export.linear import linearise as linearise
+from discovery.export.linear_file import discretise as discretise
 from discovery.export.linear_file import linear_to_json as linear_to_json
 from discovery.export.linear_file import linear_to_python as linear_to_python
 from discovery.export.source import to_numpy as to_numpy

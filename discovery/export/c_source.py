@@ -55,14 +55,9 @@ _printed = _Printer().doprint
 
 
 def _body(
-    program: SymbolicModel,
-    results: Sequence[sp.Expr],
-    into: str,
-    *,
-    arrays: Mapping[str, Sequence[sp.Symbol]],
-    assignments: Assignments = (),
-    unused: Iterable[str] = (),
-) -> str:
+    program: SymbolicModel, results: Sequence[sp.Expr], into: str, *, arrays: Mapping[str, Sequence[sp.Symbol]],
+    assignments: Assignments = (), unused: Iterable[str] = (),
+) -> str:  # fmt: skip
     """Return the body of a function that computes results from arrays."""
     used = {x for e in (*results, *(e for _, e in assignments)) for x in e.free_symbols}
     lines = [

@@ -116,16 +116,12 @@ def feed_forward(
     rate, position = _entries(largest_rate), _entries(largest_position)
     zero = np.zeros(1)
 
-    def friction(given: Mapping[str, float]) -> FloatArray:
-        still = 0.0 * rate
-        return command(still, rate, still, given) - command(zero, zero, zero, given)
+    def tables(given: Mapping[str, float]) -> tuple[FloatArray, ...]:
+        rest, still, there = command(zero, zero, zero, given), 0.0 * rate, 0.0 * position
+        return command(still, rate, still, given) - rest, command(position, there, there, given) - rest
 
-    def spring(given: Mapping[str, float]) -> FloatArray:
-        still = 0.0 * position
-        return command(position, still, still, given) - command(zero, zero, zero, given)
-
-    table, held = friction(found.values), spring(found.values)
-    sds = deviations(found, lambda given: (friction(given), spring(given))) or (np.nan * table, np.nan * held)
+    table, held = tables(found.values)
+    sds = deviations(found, tables) or (np.nan * table, np.nan * held)
     if not np.any(table):
         raise InputError("The model names no friction, so there is nothing to compensate.")
     offset = float(command(zero, zero, zero, found.values)[0])
@@ -159,16 +155,9 @@ def feed_forward_csv(found: FeedForward) -> str:
 
 def feed_forward_c(found: FeedForward, source: FittedModel) -> str:
     """Return the tables and where they come from as a C header, with a function that looks them up."""
-    head = comment(
-        [
-            f"Feed-forward: base {composition(source)}.",
-            *[f"Warning: {w}" for w in found.warnings],
-            "",
-            *origin(source),
-            "",
-            "SI units, radians; straight between entries, held beyond them.",
-        ]
-    )
+    title, warned = f"Feed-forward: base {composition(source)}.", [f"Warning: {w}" for w in found.warnings]
+    units = "SI units, radians; straight between entries, held beyond them."
+    head = comment([title, *warned, "", *origin(source), "", units])
     arrays = {"rate": found.rate, "friction": found.friction, "position": found.position, "spring": found.spring}
     tables = "\n".join(
         f"static const double feed_forward_{name}[{a.size}] = {{\n    {', '.join(map(repr, a.tolist()))}\n}};"

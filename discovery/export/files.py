@@ -53,10 +53,9 @@ FORMATS: dict[str, Format] = {
 
 
 def read_fitted(folder: Path, what: str = "after") -> FittedModel:
-    """Return a model of a finished run or loop: `what` is "before", declared and refitted, or "after", the final one.
+    """Return a model of a finished run or loop, declared and refitted ("before") or final ("after").
 
-    InputError if there is no such folder, it holds neither results.json nor loop.json, or one that does not hold its
-    models.
+    InputError if the folder is none, or holds no such model.
     """
     if not folder.is_dir():
         raise InputError(
@@ -84,10 +83,7 @@ def read_fitted(folder: Path, what: str = "after") -> FittedModel:
 
 
 def export_model(found: FittedModel, out: Path, formats: Sequence[str] = tuple(FORMATS)) -> list[Path]:
-    """Write a model in some of the `FORMATS` to a folder, each file beside its place first, and return the files.
-
-    InputError for an unknown format, or none.
-    """
+    """Write a model in some `FORMATS` to a folder, and return the files; InputError for none, or an unknown one."""
     if not formats:
         raise InputError(f"No format is named; name some of {', '.join(FORMATS)}.")
     unknown = [f for f in formats if f not in FORMATS]

@@ -165,18 +165,10 @@ class FittedModel:
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-ready description; numbers that are missing are null."""
         sd = self.sd
-        rows = []
+        rows: list[dict[str, Any]] = []
         for name, parameter in self.model.parameters.items():
-            rows.append(
-                {
-                    "name": name,
-                    "value": self.values[name],
-                    "sd": _null(sd.get(name, math.nan)),
-                    "unit": self.unit_of(name),
-                    "meaning": parameter.meaning,
-                    "fitted": name in self.fitted,
-                }
-            )
+            value = {"value": self.values[name], "sd": _null(sd.get(name, math.nan)), "unit": self.unit_of(name)}
+            rows.append({"name": name, **value, "meaning": parameter.meaning, "fitted": name in self.fitted})
         return {
             "model": self.model.to_dict(),
             "parameters": rows,
@@ -237,10 +229,7 @@ def _number(value: float | None) -> float:
 
 
 def given_numbers(model: Model, values: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the numbers that a caller gives for parameters of a model; initial states among them are passed over.
-
-    InputError for a name that is not a parameter of the model, or a value that is not a finite number.
-    """
+    """Return the finite numbers given for parameters of a model, else InputError; initial states are passed over."""
     if values is not None:
         expect(values, Mapping, "values", 'Name the parameters, as in {"alpha": 400.0}.')
     given = {n: _plain(n, v) for n, v in (values or {}).items() if not is_start(str(n))}
@@ -266,8 +255,7 @@ def model_of(source: object) -> Model:
 def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] | None = None) -> FittedModel:
     """Return a model with its numbers from whatever a caller has; `values` [SI, radians] replace those of the source.
 
-    A bare model takes its numbers from `values`, then from what it knows. InputError for a name that is not a parameter
-    of the model, or a parameter without a finite value.
+    A bare model also knows some itself. InputError for a name that is no parameter of it, or one without a number.
     """
     model = model_of(source)
     given = given_numbers(model, values)
@@ -282,10 +270,7 @@ def fitted_model(source: FittedModel | Fit | Model, values: Mapping[str, float] 
 def deviations(
     found: FittedModel, law: Callable[[Mapping[str, float]], tuple[FloatArray, ...]]
 ) -> tuple[FloatArray, ...]:
-    """Return the standard deviations of what a law makes of the values; empty where nothing fitted has one.
-
-    Its slopes are central differences over a tenth of a parameter's own standard deviation.
-    """
+    """Return the sds of what a law makes of the values, by differences over a tenth of each sd; empty without any."""
     places = [k for k, n in enumerate(found.fitted) if n in found.values and np.isfinite(found.covariance[k, k])]
     slopes = []
     for k in places:

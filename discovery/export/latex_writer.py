@@ -90,10 +90,7 @@ def words_in_text(text: str) -> str:
 
 
 def parameter_table(found: FittedModel, write: Callable[[sp.Expr], str]) -> list[str]:
-    """Return the lines of a tabular environment: value with one standard deviation, unit and meaning of each parameter.
-
-    `write` returns the LaTeX of a symbol.
-    """
+    """Return the lines of a tabular of the parameters: symbol by `write`, value with its sd, unit and meaning."""
     lines = [r"\begin{tabular}{llll}", r"parameter & value & unit & meaning \\ \hline"]
     for name, parameter in found.model.parameters.items():
         unit = _unit(found.unit_of(name))

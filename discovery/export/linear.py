@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
@@ -22,7 +22,6 @@ from discovery.simulation.kernel.compile import numpy_derivative
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
-    from discovery.mechanics import Base
 
 #: Relative step of the central differences: their error is about its square.
 _STEP = 1e-5
@@ -93,11 +92,7 @@ def _jacobian(numbers: _Numbers, state: FloatArray, recorded: FloatArray, values
 
 
 def _averaged(
-    numbers: _Numbers,
-    state: FloatArray,
-    recorded: FloatArray,
-    values: FloatArray,
-    cycle: tuple[float, float] | None,
+    numbers: _Numbers, state: FloatArray, recorded: FloatArray, values: FloatArray, cycle: tuple[float, float] | None
 ) -> FloatArray:
     """Return `_jacobian`, the columns of coordinate and rate averaged over a cycle, if any: its describing function."""
     found = _jacobian(numbers, state, recorded, values)
@@ -154,10 +149,9 @@ def _with_motion(found: FloatArray, n: int, moving: bool) -> tuple[FloatArray, .
 
 
 def _spread(
-    matrices: Callable[[Mapping[str, float]], tuple[FloatArray, ...]],
-    found: FittedModel,
+    matrices: Callable[[Mapping[str, float]], tuple[FloatArray, ...]], found: FittedModel,
     draws: Mapping[str, FloatArray] | None,
-) -> dict[str, FloatArray]:
+) -> dict[str, FloatArray]:  # fmt: skip
     """Return standard deviations of the matrices, from draws of the parameters or the covariance of the fit."""
     if draws is not None:
         own = {n: np.asarray(v, float).ravel() for n, v in draws.items() if n in found.values}
@@ -177,12 +171,6 @@ def _refuse_cycle(model: Model, amplitude: float | None, frequency: float | None
     base = model.mechanics
     if amplitude and base.n_coordinates > 1:
         raise InputError(f"A describing function is of one coordinate; {base.name!r} has {base.n_coordinates}.")
-
-
-def _moving_input(base: Base) -> list[str]:
-    """Return the names of an input that is a motion, and of its rate."""
-    name = base.system.moved_input
-    return [name, f"{name}_dot"] if base.input_moves else []
 
 
 def _there(
@@ -235,17 +223,15 @@ def linearise(
         tangent = _averaged(numbers, state, recorded, column(given), cycle)
         return _with_motion(tangent, state.size, base.input_moves)
 
-    a, b, c, d = matrices(found.values)
     slopes, reading, late = _there(numbers, state, recorded, column(found.values))
-    names, motion = [y.name for y in numbers.program.states], _moving_input(base)
+    tangent: dict[str, Any] = dict(zip("abcd", matrices(found.values), strict=True))
+    names, moved = [y.name for y in numbers.program.states], base.system.moved_input
+    motion = [moved, f"{moved}_dot"] if base.input_moves else []
     return LinearModel(
         states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
         outputs=base.system.channels,
-        a=a,
-        b=b,
-        c=c,
-        d=d,
+        **tangent,
         sd=_spread(matrices, found, draws),
         point=dict(zip((*names, motion[0] if motion else "u"), (*state.tolist(), held), strict=True)),
         reading=reading,

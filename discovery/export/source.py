@@ -36,15 +36,9 @@ def _used(names: Iterable[str], expressions: Iterable[sp.Expr]) -> list[str]:
 
 
 def _body(
-    printer: NumPyPrinter,
-    program: SymbolicModel,
-    results: Sequence[sp.Expr],
-    *,
-    drive: Assignments = (),
-    parts: Assignments = (),
-    states: Sequence[sp.Symbol] = (),
-    returns: str = _STACKED,
-) -> str:
+    printer: NumPyPrinter, program: SymbolicModel, results: Sequence[sp.Expr], *, drive: Assignments = (),
+    parts: Assignments = (), states: Sequence[sp.Symbol] = (), returns: str = _STACKED,
+) -> str:  # fmt: skip
     """Return the indented body of a function that returns the results."""
     lines = []
     names = _used([p.name for p in program.parameters], [*results, *dict(drive).values(), *dict(parts).values()])
@@ -61,10 +55,7 @@ def _body(
 def _slopes(
     printer: NumPyPrinter, program: SymbolicModel, drive: Assignments, inputs: Sequence[sp.Symbol]
 ) -> tuple[list[str], str]:
-    """Return the parameters on which the slopes depend, and the body of the function that returns these.
-
-    It serves arrays as well as the numbers of one state. Of these it returns numbers of one type: so it compiles.
-    """
+    """Return the parameters of the slopes, and the body that returns these, of one type so that it compiles."""
 
     def printed(expression: sp.Expr) -> str:
         return repr(float(expression)) if expression.is_Integer else str(printer.doprint(expression))

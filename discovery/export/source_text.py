@@ -56,10 +56,7 @@ def initial_states(found: FittedModel) -> list[str]:
 
 
 def origin(found: FittedModel) -> list[str]:
-    """Return lines that say where the numbers come from, version, rig file, recordings, hashes, and what they weigh.
-
-    What the provenance does not hold is left out.
-    """
+    """Return lines that say where the numbers come from, as far as it is known, and what they weigh."""
     p = found.provenance
     lines = []
     if "discovery" in p:

@@ -215,10 +215,7 @@ def _declared(effect: Effect) -> list[str]:
 
 
 def equation_text(model: Model) -> tuple[str, ...]:
-    """Return the equations of motion as plain text, one a line; of a rod, Lagrange's with each effect's energy.
-
-    Where an oscillator's output is not the coordinate, the last line says what it is.
-    """
+    """Return the motion as lines of plain text, of a rod Lagrange's, and what is read where that is no coordinate."""
     symbol, from_recorded = received(model)
     drive = () if from_recorded in RECORDED else (f"{symbol} = {from_recorded}, r_0 being what is recorded",)
     terms = closed_form(model)

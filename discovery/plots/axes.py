@@ -40,10 +40,7 @@ def with_unit(axis: Axis, label: str, unit: str) -> None:
 
 
 def axes_below(count: int, given: Axes | Sequence[Axes] | None) -> list[Axes]:
-    """Return a column of axes: those that are given, or of a new figure of pyplot.
-
-    InputError if the number that is given is another, or they are no axes.
-    """
+    """Return a column of axes, new ones of pyplot where none are given; InputError if they are not axes, so many."""
     from discovery.foundation.errors import InputError
 
     if given is None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from discovery.foundation.arrays import FloatArray
 from discovery.foundation.html_table import html_table
 from discovery.plots.axes import axes_below, with_unit
 
@@ -47,11 +46,6 @@ class RecordingViews:
         return xr.Dataset({**given, **found}, {"time": ("time", self.time, {"units": "s"})}, {"name": self.name})
 
 
-def _style(values: FloatArray) -> str:
-    """Return a line that gaps interrupt; points beside it where they are few enough to be seen."""
-    return ".-" if np.isfinite(values).sum() < _FEW else "-"
-
-
 class DatasetViews:
     """What a data set offers to a notebook."""
 
@@ -80,7 +74,9 @@ class DatasetViews:
         for ax, (role, experiment) in zip(drawn, self.with_test, strict=True):
             r = experiment.recording
             for name, unit, values in zip(r.channels, r.units, r.output.T, strict=True):
-                ax.plot(r.time, values, _style(values), markersize=3, linewidth=0.9, label=name)
+                # Gaps interrupt the line; points beside it where they are few enough to be seen.
+                style = ".-" if np.isfinite(values).sum() < _FEW else "-"
+                ax.plot(r.time, values, style, markersize=3, linewidth=0.9, label=name)
                 with_unit(ax.yaxis, ", ".join(r.channels), unit)
             if role == "train" and experiment.fitted_samples is not None:
                 ax.axvspan(r.time[experiment.fitted][-1], r.time[-1], color="0.9", zorder=0, label="held out")

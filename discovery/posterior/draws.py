@@ -17,7 +17,7 @@ from discovery.foundation.arguments import as_path, check_whole
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
-from discovery.plots.posteriors import PosteriorViews
+from discovery.plots.estimates import PosteriorViews
 from discovery.posterior.noise import is_independent, words_of
 from discovery.posterior.tree import as_tree, check_pointwise, fields_of, readings, sampled, some
 from discovery.recordings.chosen import Recordings, training_of

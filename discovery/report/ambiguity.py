@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from discovery.report.caution_sentences import caution_sentence
-from discovery.report.estimates import symbol_of
-from discovery.report.follow_up_sentences import (
+import numpy as np
+
+from discovery.diagnosis.manoeuvre_design import Move, hub_drive
+from discovery.report.doubt_sentences import (
+    caution_sentence,
     contradiction_sentences,
+    laws_apart,
     laws_of,
     separation_sentence,
     stand_in_sentence,
 )
+from discovery.report.estimates import symbol_of
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
+from discovery.report.style import BLUE, GREEN, ORANGE, Picture, label, new_figure
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, listed, page_prose, values_text
 
@@ -60,17 +65,10 @@ def reconciliations_table(run: Run) -> Table | None:
     cells, raw = [], []
     for c in tested["contradictions"]:
         for t in c["tried"]:
-            cells.append(
-                [
-                    symbol_of(c["parameter"]),
-                    effect_name(t["id"]),
-                    page_prose(values_text(t["parameters"], run.coordinate_unit)),
-                    significant(t["value"], 5),
-                    significant(t["z"], 2),
-                    significant(t["odds"]),
-                    "yes" if t["reconciles"] else "no",
-                ]
-            )
+            values = page_prose(values_text(t["parameters"], run.coordinate_unit))
+            apart = [significant(t["value"], 5), significant(t["z"], 2), significant(t["odds"])]
+            reconciles = "yes" if t["reconciles"] else "no"
+            cells.append([symbol_of(c["parameter"]), effect_name(t["id"]), values, *apart, reconciles])
             raw.append([c["parameter"], t["id"], t["value"], t["z"], t["odds"], t["reconciles"]])
     if not cells:
         return None
@@ -123,7 +121,7 @@ def _likeness(design: Mapping[str, Any]) -> float | None:
     return max(pairs, default=None)
 
 
-def input_of(design: Mapping[str, Any]) -> tuple[str, str]:
+def _input_of(design: Mapping[str, Any]) -> tuple[str, str]:
     """Return the name and the unit of the input that a designed manoeuvre moves."""
     column = design["columns"][1]
     if column == "motor_angle_rad":
@@ -144,7 +142,7 @@ def moves_table(run: Run) -> Table | None:
             values = [m["start"], m["angle"], m["speed"], ramp]
             cells.append([f"{i + 1}", *(significant(v) for v in values)])
             raw.append([i + 1, *values])
-    name, unit = input_of(designs[0][1])
+    name, unit = _input_of(designs[0][1])
     arm = name == "motor angle"
     head = ("manoeuvre", "start [s]", f"{'turn' if arm else 'by'} [{unit}]", f"speed [{unit}/s]", "each ramp [s]")
     keys = ("manoeuvre", "start_s", *(("angle_rad", "speed_rad_per_s") if arm else ("by", "speed")), "ramp_s")
@@ -162,18 +160,9 @@ def contradictions_table(run: Run) -> Table | None:
     for c in tested["checks"]:
         names = reconciling.get(c["parameter"], [])
         outcome = listed(effect_name(e) for e in names) or "nothing in the catalogue" if c["contradicts"] else MISSING
-        unit = unit_text(c["unit"], run.coordinate_unit)
-        cells.append(
-            [
-                symbol_of(c["parameter"]),
-                uncertain(c["value"], c["sd"]),
-                uncertain(c["predicted"], c["predicted_sd"]),
-                unit,
-                significant(c["z"], 2),
-                significant(c["odds"], 2),
-                outcome,
-            ]
-        )
+        values = [uncertain(c["value"], c["sd"]), uncertain(c["predicted"], c["predicted_sd"])]
+        unit, tests = unit_text(c["unit"], run.coordinate_unit), [significant(c[k], 2) for k in ("z", "odds")]
+        cells.append([symbol_of(c["parameter"]), *values, unit, *tests, outcome])
         raw.append([*(c[k] for k in keys), "; ".join(names)])
     apart = ("difference [sds]", "log odds [nats]", "reconciled by")
     head = ("parameter", "fitted ± sd", "predicted ± sd", "unit", *apart)
@@ -184,3 +173,59 @@ def contradictions_table(run: Run) -> Table | None:
     if any(c["parameter"] == "k_g" for c in tested["checks"]):
         caption += _PULL
     return Table("contradictions", caption, head, cells, (*keys, "reconciled_by"), raw, text=(0, 3, 6))
+
+
+#: Characters of a legend, with four for each line, that one row of a figure holds.
+_ROW = 50
+
+
+def draw_manoeuvres(run: Run) -> list[Picture] | None:
+    """Draw the course of the input in every manoeuvre that decides, or what is predicted of a release."""
+    pictures = []
+    for i, design in enumerate(run.loop.get("separation") or ()):
+        if design["decides"] and (design["moves"] or design["predicted"]):
+            pictures.append((_course if design["moves"] else _release)(i + 1, design))
+    return pictures or None
+
+
+def _course(number: int, design: Mapping[str, Any]) -> Picture:
+    """Draw the course of the input."""
+    moves = [Move(**m) for m in design["moves"]]
+    time = np.linspace(0.0, design["limits"]["duration"], 600)
+    figure = new_figure(2.0)
+    axes = figure.subplots()
+    axes.plot(time, hub_drive(moves).evaluate(time)[0], color=BLUE, linewidth=1.3)
+    name, unit = _input_of(design)
+    axes.set(xlabel="time [s]", ylabel=label(name, unit))
+    rivals = listed(map(effect_name, laws_apart(design)))
+    caption = (
+        f"Manoeuvre {number}, from where the {'hub' if name == 'motor angle' else 'input'} starts: designed to tell "
+        f"{rivals} apart."
+    )
+    alt = f"{name.capitalize()} against time of the manoeuvre that tells {rivals} apart: {len(moves)} moves with rests."
+    return Picture(f"manoeuvre_{number}", figure, caption, alt)
+
+
+def _release(number: int, design: Mapping[str, Any]) -> Picture:
+    """Draw what each law predicts after a release, and below it how far the others lie from the first."""
+    time, *every = np.array(design["predicted"]).T
+    own = dict(zip(design["rivals"], every, strict=True))
+    shown = laws_apart(design)
+    names, predicted = [*map(effect_name, shown)], [own[name] for name in shown]
+    rows = 1 if sum(len(name) + 4 for name in names) <= _ROW else len(names)
+    figure = new_figure(2.8 + 0.2 * rows)
+    above, below = figure.subplots(2, sharex=True)
+    for name, reading, colour in zip(names, predicted, (BLUE, ORANGE, GREEN), strict=False):
+        above.plot(time, reading, color=colour, linewidth=1.1, label=name)
+        if reading is not predicted[0]:
+            below.plot(time, reading - predicted[0], color=colour, linewidth=1.1)
+    above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(names) if rows == 1 else 1, frameon=False)
+    above.set_ylabel(label("reading", design["unit"]))
+    below.set(ylabel=label("apart", design["unit"]), xlabel="time [s]")
+    rivals, place = listed(names), f"{design['release']:.3g} {design['unit']}"
+    caption = (
+        f"Manoeuvre {number}: let go at {place} from rest, to tell {rivals} apart. Above what each predicts with its "
+        "parameters as they are, below how far they lie apart."
+    )
+    alt = f"Predictions of {rivals} against time after a release at {place}, and their difference."
+    return Picture(f"manoeuvre_{number}", figure, caption, alt)

@@ -12,8 +12,7 @@ from markupsafe import Markup
 from discovery.report.effect_formulas import known_constants, meanings
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters, symbol_of, unit_of
-from discovery.report.latex import latex
-from discovery.report.mathml import WORD, broken, number, symbol
+from discovery.report.mathml import WORD, broken, inline, latex, number, symbol
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import chances, effect_sentence, inclusion_words
@@ -33,27 +32,20 @@ _ALONE = rf'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)(?<!{WORD})'
 
 
 def certainty(run: Run) -> list[tuple[str, str]]:
-    """Return how sure each added effect is: its name, and its odds, with the probability of one of the catalogue.
-
-    Effects of which the same is said stand together.
-    """
+    """Return added effects of which the same is said, with their odds, and the probability of one of the catalogue."""
     steps = run.loop["steps"]
     better = {s["effects"][0]: s["numbers"].get("odds") for s in steps if s["action"] == "mechanics" and s["accepted"]}
-    found: list[tuple[str, str]] = []
-    for effect in run.loop["effects"]:
-        name, evidence = effect["id"], effect["evidence"]
-        if evidence:
-            words = chances(evidence["odds"]).removeprefix("odds of ")
-            if effect["probability"] is not None:
-                words += f", {inclusion_words(effect)}"
-            found.append((effect_name(name), words))
-        elif better.get(name) is not None:
-            found.append(
-                (effect_name(name), f"{chances(better[name]).removeprefix('odds of ')}, over simpler mechanics")
-            )
     alike: dict[str, list[str]] = {}
-    for named, words in found:
-        alike.setdefault(words, []).append(named)
+    for effect in run.loop["effects"]:
+        odds = effect["evidence"]["odds"] if effect["evidence"] else better.get(effect["id"])
+        if odds is None and not effect["evidence"]:
+            continue
+        words = chances(odds).removeprefix("odds of ")
+        if not effect["evidence"]:
+            words += ", over simpler mechanics"
+        elif effect["probability"] is not None:
+            words += f", {inclusion_words(effect)}"
+        alike.setdefault(words, []).append(effect_name(effect["id"]))
     return [(listed(names), words) for words, names in alike.items()]
 
 
@@ -124,60 +116,44 @@ def _with_numbers(body: str, values: Mapping[str, str]) -> str:
     return _SIDE_BY_SIDE.sub(r"\1<mo>·</mo>", body)
 
 
-def added_effects(run: Run) -> list[dict[str, Any]]:
-    """Return what the loop added, each with its parameters, its odds and its rivals in words."""
+def added_effects(run: Run) -> list[tuple[str, str, list[tuple[Markup, str]], str, str]]:
+    """Return what the loop added: name, title, parameters with their values, odds and rivals, in words."""
     found = []
     for e in run.loop["effects"]:
         values = [
             (symbol_of(name), f"{uncertain(p['value'], p['sd'])} {unit_text(p['unit'], run.coordinate_unit)}".strip())
             for name, p in e["parameters"].items()
         ]
-        found.append(
-            {
-                "name": effect_name(e["id"]),
-                "title": effect_title(e["id"]),
-                "parameters": values,
-                "odds": effect_sentence(e),
-                "rivals": listed(effect_name(r) for r in e["ambiguous_with"]),
-            }
-        )
+        rivals = listed(effect_name(r) for r in e["ambiguous_with"])
+        found.append((effect_name(e["id"]), effect_title(e["id"]), values, effect_sentence(e), rivals))
     return found
 
 
-def parameter_lines(run: Run) -> list[dict[str, Any]]:
+def parameter_lines(run: Run) -> list[tuple[Markup, str, str, str]]:
     """Return the parameters of the final model: symbol, value with its deviation, unit, and what it is."""
     after = run.loop["model"]["after"]
     declared = declared_parameters(after["model"])
     physical = after.get("physical", {})
     found = []
     for name, p in _parameters(run).items():
-        latex = declared[name].latex if name in declared else ""
-        meaning = [declared[name].meaning] if name in declared else []
-        found.append(
-            {
-                "symbol": Markup(f"<math>{symbol(latex or name)}</math>"),
-                "value": significant(p["value"]) if "reason" in p else uncertain(p["value"], p["sd"]),
-                "unit": unit_of(name, p["unit"], run),
-                "meaning": ", ".join([*meaning, *([p["reason"]] if "reason" in p else [])]),
-                "physical": in_newtons(physical.get(name)),
-            }
-        )
+        latex, meaning = (declared[name].latex, [declared[name].meaning]) if name in declared else ("", [])
+        value = significant(p["value"]) if "reason" in p else uncertain(p["value"], p["sd"])
+        words = ", ".join([*meaning, *([p["reason"]] if "reason" in p else [])])
+        told = f": {force}" if (force := in_newtons(physical.get(name))) else ""
+        found.append((Markup(inline(symbol(latex or name))), value, unit_of(name, p["unit"], run), words + told))
     if "inertia" in physical:
         weight = physical["inertia"]
-        found.append(
-            {
-                "symbol": Markup(f"<math>{symbol('m' if weight['unit'] == 'kg' else 'J')}</math>"),
-                "value": uncertain(weight["value"], weight["sd"]),
-                "unit": unit_text(weight["unit"]),
-                "meaning": "inertia that the force or the rig file tells",
-                "physical": "",
-            }
-        )
+        letter = Markup(inline(symbol("m" if weight["unit"] == "kg" else "J")))
+        value, words = uncertain(weight["value"], weight["sd"]), "inertia that the force or the rig file tells"
+        found.append((letter, value, unit_text(weight["unit"]), words))
     return found
 
 
 def error_bars(run: Run) -> dict[str, Any]:
-    """Return the error of every group before and after, with where each lies between the smallest and the largest."""
+    """Return the error of every group before and after, with where each lies between the smallest and the largest.
+
+    A row has the short and the whole name of its group, both errors, and the places of both [%].
+    """
     errors, groups = run.loop["errors"], compared_groups(run)
     scale = error_scale(errors)
     floor = errors["noise_floor"]
@@ -191,20 +167,9 @@ def error_bars(run: Run) -> dict[str, Any]:
     def shown(value: float) -> str:
         return "blows up" if math.isinf(value) else scale.text(value)
 
-    rows = [
-        {
-            "name": _SHORT.sub("", groups[g]) if len(groups) > 2 else groups[g].partition(",")[0],
-            "whole_name": groups[g],
-            "before": shown(before),
-            "after": shown(after),
-            "before_at": place(before),
-            "after_at": place(after),
-        }
-        for g, (before, after) in sizes.items()
-    ]
-    return {
-        "rows": rows,
-        "unit": scale.symbol,
-        "floor": scale.text(floor) if floor else MISSING,
-        "floor_at": place(floor),
-    }
+    rows = []
+    for g, pair in sizes.items():
+        name = _SHORT.sub("", groups[g]) if len(groups) > 2 else groups[g].partition(",")[0]
+        rows.append((name, groups[g], *map(shown, pair), *map(place, pair)))
+    told = scale.text(floor) if floor else MISSING
+    return {"rows": rows, "unit": scale.symbol, "floor": told, "floor_at": place(floor)}

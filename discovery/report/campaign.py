@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
 from markupsafe import Markup, escape
 
-from discovery.report.figures.specimens import draw_specimens
 from discovery.report.numbers import interval, scale_for, significant, unit_text
 from discovery.report.page import embed, environment, written
-from discovery.report.style import styled
+from discovery.report.style import BLUE, GREY, ORANGE, Picture, new_figure, quantity_label, styled, verbatim
 from discovery.report.tables import Table, name_cell
 from discovery.report.words import effect_name, listed, sentence
 
@@ -32,22 +32,19 @@ def build_campaign(
 ) -> Path:
     """Write ``campaign.html``, one file, and ``tables/`` of a campaign, and return the path of the page.
 
-    A case that has a page of its own, ``CASE/report.html``, is linked to it. Rows and pooled parameters are those of
-    `discovery.runs.campaign.rows` and `discovery.runs.campaign.pooled_parameters`. The dashboard is the address of that
-    of the cluster that did the cases; where it is not of the web, it is not linked.
+    Rows and pooled parameters are those of `discovery.runs.campaign`. Cases with a page ``CASE/report.html`` are linked
+    to it, and so is the dashboard of a cluster where its address is of the web.
     """
-    tables = {"matrix": _matrix(folder, rows), "worst": _worst(folder, rows)}
-    if pooled:
-        tables["pooled"] = _pooled(pooled)
-    for table in tables.values():
+    tables = [_matrix(folder, rows), _worst(folder, rows), *([_pooled(pooled)] if pooled else [])]
+    for table in tables:
         written(folder / "tables" / f"{table.name}.csv", table.csv())
     with styled():
-        figures = [embed(folder, picture) for picture in draw_specimens(pooled)]
+        figures = [embed(folder, _specimen(i, parameter)) for i, parameter in enumerate(pooled[:_PARAMETERS])]
     context = {
         "answer": _answer(rows),
         "many": len(rows) > _MANY,
         "dashboard": dashboard if dashboard.startswith(("http://", "https://")) else "",
-        "tables": {name: table.html() for name, table in tables.items()},
+        "tables": {table.name: table.html() for table in tables},
         "figures": {"specimens": figures},
         "failed": [(row["name"], row["error"][:_SAID]) for row in rows if row["error"]],
     }
@@ -144,3 +141,47 @@ def _pooled(pooled: Sequence[Mapping[str, Any]]) -> Table:
     columns = (f"{part}_{end}" for part in parts for end in ("low", "median", "high"))
     keys = ("parameter", "effect", "kind", "cases", *columns, "unit")
     return Table("pooled", caption, head, cells, keys, raw, text=(0, 1, 2, 8))
+
+
+#: Parameters that are drawn, cases up to which each is named on the axis, and letters of a name there.
+_PARAMETERS, _NAMED, _LETTERS = 12, 25, 14
+#: Standard deviations of an interval of 95 %.
+_WIDE = 1.96
+
+
+def _short(name: str) -> str:
+    """Return a name for an axis."""
+    return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"
+
+
+def _specimen(number: int, parameter: Mapping[str, Any]) -> Picture:
+    cases = parameter["cases"]
+    place = np.arange(len(cases))
+    values, sds = (np.array([case[key] for case in cases]) for key in ("value", "sd"))
+    shrunk = np.array([[case["shrunk"][end] for end in ("low", "median", "high")] for case in cases])
+    figure = new_figure(2.6)
+    axes = figure.subplots()
+    mean, following = parameter["mean"], parameter["following"]
+    axes.axhspan(following["low"], following["high"], color=GREY, alpha=0.12, linewidth=0, label="next specimen")
+    axes.axhspan(mean["low"], mean["high"], color=GREY, alpha=0.35, linewidth=0, label="mean of all")
+    drawn: dict[str, Any] = {"markersize": 4.0 if len(cases) <= _NAMED else 1.5, "linewidth": 1.0}
+    apart = np.abs(shrunk[:, [0, 2]] - shrunk[:, 1:2]).T
+    axes.errorbar(place - 0.12, values, _WIDE * sds, fmt="o", color=BLUE, label="alone", **drawn)
+    axes.errorbar(place + 0.12, shrunk[:, 1], apart, fmt="s", color=ORANGE, label="with the others", **drawn)
+    # A first specimen that is far off hides none of the others, and a band that is far wider than all points neither.
+    low, high = (values - 2 * _WIDE * sds).min(), (values + 2 * _WIDE * sds).max()
+    axes.set_ylim(max(axes.get_ylim()[0], low), min(axes.get_ylim()[1], high))
+    if len(cases) <= _NAMED:
+        names = [_short(case["name"]) for case in cases]
+        turned = 90 if len(cases) > 5 or max(map(len, names)) > 8 else 0
+        axes.set_xticks(place, [verbatim(name) for name in names], rotation=turned)
+    else:
+        axes.set_xlabel("case")
+    axes.set_ylabel(quantity_label(parameter["parameter"], unit_text(parameter["unit"])))
+    figure.legend(loc="outside upper left", ncols=2)
+    caption = (
+        "Estimates with 95 % intervals, each alone and with the others’ help; grey: the mean of all specimens, and "
+        "where the next one will be."
+    )
+    alt = f"{parameter['parameter']} over {len(cases)} cases with intervals, alone and pooled."
+    return Picture(f"specimens_{number}_{parameter['parameter']}", figure, caption, alt, raster=len(cases) > 200)

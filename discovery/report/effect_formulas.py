@@ -140,10 +140,7 @@ def together(effects: Iterable[Effect]) -> list[list[Effect]]:
 
 
 def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u", "q", "q_read")) -> str:
-    """Return the one law of closures, drives, or sensors of one kind, a group of `together`, on a kind of system.
-
-    `names` are those of the input of a system without a rod, of its output, and of what is told of that.
-    """
+    """Return the one law of a group of `together`; `names` are of input, output and what is told, without a rod."""
     arm, kind = System.of(system).has_rod, effects[0].kind
     # A declared system has the names of its user.
     name = coordinate_name(system) if arm or names[1] == "q" else ""

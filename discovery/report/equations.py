@@ -19,25 +19,9 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.equation import MOVING_INPUT, equation_terms, motion_symbols
 from discovery.equations.model import Model
 from discovery.mechanics import get_base
-from discovery.report.effect_formulas import (
-    LETTERS,
-    along_the_rod,
-    are_summed,
-    coordinate_name,
-    declared_formulas,
-    effect_formula,
-    equal,
-    fault_formula,
-    laws,
-    mode_formula,
-    placed_formula,
-    rounded_factors,
-    signed,
-    summed,
-    together,
-)
-from discovery.report.latex import latex
-from discovery.report.mathml import block, formula, number, power, row, symbol, total
+from discovery.report import effect_formulas
+from discovery.report.effect_formulas import LETTERS, coordinate_name, equal, signed
+from discovery.report.mathml import block, formula, latex, number, power, row, symbol, total
 from discovery.report.mathml_expression import expression
 from discovery.report.numbers import significant, unit_text
 from discovery.report.results import Run
@@ -77,10 +61,7 @@ def _multiplied_out(term: sp.Expr, values: Mapping[str, float]) -> sp.Expr:
 
 
 def _one_coordinate(model: Mapping, values: Mapping[str, float]) -> tuple[list[Formula], list[Effect]]:
-    """Return the equation of motion of a system with one coordinate, its modes, and what is read of it.
-
-    The effects that need no formula any more come second.
-    """
+    """Return the motion of one coordinate, its modes and what is read of it, and the effects that are told by that."""
     described = Model(model["base"], tuple(model["effects"]))
     system, terms = described.mechanics.system, equation_terms(described)
     name = coordinate_name(system)
@@ -93,16 +74,16 @@ def _one_coordinate(model: Mapping, values: Mapping[str, float]) -> tuple[list[F
     bent = {e.id(): e for e in described.terms if isinstance(e, Memory) and system.has_rod}
     for owner, term in terms.terms:
         shown = -sp.diff(bent[owner].expression(), s.bend_dot) if owner in bent else term.xreplace(plain)
-        parts = [_multiplied_out(part, values) for part in rounded_factors(shown).as_ordered_terms()]
+        parts = [_multiplied_out(part, values) for part in effect_formulas.rounded_factors(shown).as_ordered_terms()]
         written = [expression(part, name) for part in parts]
         if owner in bent and bent[owner].local:
             # The static shape has the bending (1 - s) delta.
-            written = [along_the_rod(row("<mn>1</mn><mo>−</mo>", symbol("s")), *written)]
+            written = [effect_formulas.along_the_rod(row("<mn>1</mn><mo>−</mo>", symbol("s")), *written)]
         left += map(signed, written)
     drive = terms.drive.subs(sp.Symbol("g", real=True), 0) if undriven(model) else terms.drive
     found = [Formula("Equation of motion", equal(row(*left), expression(drive, name)), needed=True)]
     told: list[Effect] = [e for e in described.terms if isinstance(e, Mode)]
-    found += [Formula(mode.title(), mode_formula(mode, drive)) for mode in told]
+    found += [Formula(mode.title(), effect_formulas.mode_formula(mode, drive)) for mode in told]
     read = terms.output
     if read is not None and read != motion_symbols(system)[0]:
         sensors = [e for e in described.terms if isinstance(e, Sensor) and e.lateness() == 0]
@@ -170,7 +151,10 @@ def model_formulas(model: Mapping, system: str, values: Mapping[str, float] | No
     has_rod = get_base(model["base"]).system.has_rod
     scalar = not has_rod or model["base"] == "constant_radius"
     if "system" in model:
-        found = [Formula(*line) for line in declared_formulas(model["base"], map(get_effect, model["effects"]))]
+        found = [
+            Formula(*line)
+            for line in effect_formulas.declared_formulas(model["base"], map(get_effect, model["effects"]))
+        ]
     elif scalar:
         found, told = _one_coordinate(model, values or {})
         if has_rod:
@@ -181,26 +165,28 @@ def model_formulas(model: Mapping, system: str, values: Mapping[str, float] | No
     effects = [e for e in map(get_effect, model["effects"]) if e not in told]
     shown = [e for e in effects if not scalar or "system" in model or e.kind not in LETTERS or e.kind == "memory"]
     if values is not None and not scalar and "system" not in model:
-        parts = [e for e in shown if are_summed(e)]
-        found += [Formula(*line, needed=True) for line in summed(parts, system, values)]
+        parts = [e for e in shown if effect_formulas.are_summed(e)]
+        found += [Formula(*line, needed=True) for line in effect_formulas.summed(parts, system, values)]
         shown = [e for e in shown if e not in parts]
-    groups = together(shown)
+    groups = effect_formulas.together(shown)
     return found + [Formula(". ".join(e.title() for e in group), _of(group, model, system)) for group in groups]
+
+
+def shown_formulas(run: Run, when: str) -> list[tuple[str, Markup, str]]:
+    """Return the formulas of the model before or after the loop as the page shows them, see `Formula.shown`."""
+    return [f.shown for f in model_formulas(run.loop["model"][when]["model"], run.results["rig"]["kind"])]
 
 
 def _of(group: Sequence[Effect], model: Mapping, system: str) -> str:
     if group[0].place:
-        return placed_formula(group[0])
+        return effect_formulas.placed_formula(group[0])
     if "system" in model:
-        return fault_formula(group, model["base"], system)
-    return effect_formula(group[0], system) if len(group) == 1 else laws(group, system)
+        return effect_formulas.fault_formula(group, model["base"], system)
+    return effect_formulas.effect_formula(group[0], system) if len(group) == 1 else effect_formulas.laws(group, system)
 
 
 def drive_symbols(model: Mapping[str, Any]) -> dict[str, str]:
-    """Return what stands for the input of a system on a line, by symbol: its gains, and u; nothing without an input.
-
-    The model is what `discovery.equations.model.Model.to_dict` gave.
-    """
+    """Return what stands for the input in a `Model.to_dict`, by symbol: its gains, and u; nothing without an input."""
     base = get_base(model["base"])
     if base.system.has_rod or base.places() or undriven(model):
         return {}

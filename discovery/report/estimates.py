@@ -11,9 +11,9 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.foundation.start_names import start_of, start_word
 from discovery.mechanics import get_base
 from discovery.report.numbers import MISSING, in_newtons, interval, rounded, significant, uncertain, unit_text
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.results import Run
-from discovery.report.tables import Table, name_cell
+from discovery.report.tables import Cell, Table, name_cell
 from discovery.report.words import LAWS, MASSES, effect_name
 
 #: Columns of a summary that tell how well the mean and the quantiles are known from the draws.
@@ -77,26 +77,21 @@ def sampled_parameters(run: Run) -> dict[str, Any]:
     return declared_parameters(run.loop["model"][which]["model"])
 
 
-def posterior_table(run: Run) -> Table:
+def posterior_table(run: Run) -> Table | None:
     """Return the sampled parameters and noise beside the fit and, on the paper's rig, the paper."""
     from discovery.posterior.noise import is_independent
 
+    if not run.posterior:
+        return None
     rows = run.quantities_sampled
     declared, paper = sampled_parameters(run), published(run).get("parameters", {})
     cells = []
     for r in rows:
-        sd = r["sd"]
-        cells.append(
-            [
-                _symbol(r["name"], declared),
-                _meaning(r["name"], declared, _noise_words(r, run)),
-                unit_of(r["name"], r["unit"], run),
-                uncertain(r["mean"], sd),
-                *(rounded(r[q], sd) for q in ("q05", "q50", "q95")),
-                uncertain(r["fit_value"], r["fit_sd"]),
-                *([significant(paper.get(r["name"]), 4)] if paper else []),
-            ]
-        )
+        name, sd = r["name"], r["sd"]
+        about = [_symbol(name, declared), _meaning(name, declared, _noise_words(r, run)), unit_of(name, r["unit"], run)]
+        draws = [uncertain(r["mean"], sd), *(rounded(r[q], sd) for q in ("q05", "q50", "q95"))]
+        beside = [significant(paper.get(name), 4)] if paper else []
+        cells.append([*about, *draws, uncertain(r["fit_value"], r["fit_sd"]), *beside])
     known = [k for k in _DIAGNOSTICS if any(k in r for r in rows)]
     head = (
         "", "meaning", "unit", "mean ± sd", "5 %", "50 %", "95 %", "fit ± sd",
@@ -135,19 +130,13 @@ def start_words(name: str) -> str:
 def nuisance_table(run: Run) -> Table | None:
     """Return the sampled initial states."""
     shown = {r["name"] for r in run.quantities_sampled}
-    rows = [r for r in run.posterior["rows"] if r["name"] not in shown]
+    rows = [r for r in run.posterior.get("rows", ()) if r["name"] not in shown]
     if not rows:
         return None
-    unit = run.coordinate_unit
-    cells = [
-        [
-            start_words(r["name"]),
-            unit_text(r["unit"], unit),
-            uncertain(r["mean"], r["sd"]),
-            interval(r["q05"], r["q95"]),
-        ]
-        for r in rows
-    ]
+    cells: list[list[Cell]] = []
+    for r in rows:
+        values = [uncertain(r["mean"], r["sd"]), interval(r["q05"], r["q95"])]
+        cells.append([start_words(r["name"]), unit_text(r["unit"], run.coordinate_unit), *values])
     keys = ("name", "unit", "mean", "sd", "q05", "q50", "q95")
     head = ("", "unit", "mean ± sd", "90 % interval")
     caption = "Initial states, sampled with the parameters."
@@ -163,17 +152,10 @@ def final_table(run: Run) -> Table:
         if "[" in name:
             continue
         old = before.get(name)
-        cells.append(
-            [
-                _symbol(name, declared),
-                _meaning(name, declared),
-                unit_of(name, p["unit"], run),
-                uncertain(p["value"], p["sd"]),
-                uncertain(old["value"], old["sd"]) if old else MISSING,
-                *([in_newtons(physical.get(name)) or MISSING] if physical else []),
-                p.get("reason", ""),
-            ]
-        )
+        about = [_symbol(name, declared), _meaning(name, declared), unit_of(name, p["unit"], run)]
+        both = [uncertain(p["value"], p["sd"]), uncertain(old["value"], old["sd"]) if old else MISSING]
+        forces = [in_newtons(physical.get(name)) or MISSING] if physical else []
+        cells.append([*about, *both, *forces, p.get("reason", "")])
         raw.append([name, p["unit"], p["value"], p["sd"], p.get("reason", "")])
     told = ["in newtons and kilograms"] if physical else []
     unsure = any(row[-1] for row in cells)
@@ -198,25 +180,20 @@ def _alike(comparison: Sequence[Mapping[str, Any]]) -> Iterable[list[Mapping[str
     return merged.values()
 
 
-def elastica_table(run: Run) -> Table:
+def elastica_table(run: Run) -> Table | None:
     """Return posterior against prediction; variants that predict the same number share a row."""
-    comparison = run.results["elastica"]["comparison"]
+    comparison = (run.results.get("elastica") or {}).get("comparison")
+    if not comparison:
+        return None
     cells = []
     for rows in _alike(comparison):
         r = rows[0]
         masses = dict.fromkeys(MASSES.get(x["mass"], x["mass"]) for x in rows)
         laws = dict.fromkeys(LAWS.get(x["law"], x["law"]) for x in rows)
-        cells.append(
-            [
-                name_cell(r["parameter"]),
-                unit_text(r["unit"]),
-                "either" if len(masses) > 1 else next(iter(masses)),
-                "; ".join(laws),
-                uncertain(r["posterior_mean"], r["posterior_sd"]),
-                uncertain(r["predicted_mean"], r["predicted_sd"]),
-                significant(r["discrepancy"], 2) if r["discrepancy"] is not None else "∞",
-            ]
-        )
+        about = [name_cell(r["parameter"]), unit_text(r["unit"]), "either" if len(masses) > 1 else next(iter(masses))]
+        both = [uncertain(r[f"{of}_mean"], r[f"{of}_sd"]) for of in ("posterior", "predicted")]
+        apart = significant(r["discrepancy"], 2) if r["discrepancy"] is not None else "∞"
+        cells.append([*about, "; ".join(laws), *both, apart])
     head = ("", "unit", "rod’s mass", "law", "posterior ± sd", "elastica ± sd", "difference [sd]")
     means = ("posterior_mean", "posterior_sd", "predicted_mean", "predicted_sd")
     keys = ("mass", "law", "parameter", "unit", *means, "difference", "discrepancy")

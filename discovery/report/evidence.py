@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 from markupsafe import Markup
 
-from discovery.report.model_error_sentences import share_words
 from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
-from discovery.report.sentences import chances, probability_words
+from discovery.report.sentences import chances, probability_words, share_words
 from discovery.report.story import blows_up, fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose
@@ -20,18 +17,15 @@ from discovery.report.words import effect_name, listed, prose
 _EACH, _BEST = 3, 8
 
 
-def terms_table(run: Run) -> Table:
+def terms_table(run: Run) -> Table | None:
     """Return the terms of the discovered equation."""
+    if not run.results.get("discovery"):
+        return None
     terms = run.results["discovery"]["terms"]
-    cells = [
-        [
-            term_cell(t["term"]),
-            effect_name(t["effect"]) if t["effect"] else MISSING,
-            uncertain(t["coefficient"], t["sd"]),
-            significant(t["inclusion_probability"], 2),
-        ]
-        for t in terms
-    ]
+    cells = []
+    for t in terms:
+        values = [uncertain(t["coefficient"], t["sd"]), significant(t["inclusion_probability"], 2)]
+        cells.append([term_cell(t["term"]), effect_name(t["effect"]) if t["effect"] else MISSING, *values])
     head = ("term", "stands for", "coefficient ± sd", "inclusion probability")
     keys = ("term", "effect", "coefficient", "sd", "inclusion_probability")
     caption = (
@@ -43,10 +37,10 @@ def terms_table(run: Run) -> Table:
 
 def equations_table(run: Run) -> Table | None:
     """Return the best equations of every size: terms, misfit, likelihood ratio, probability."""
-    table: Sequence[Mapping[str, Any]] = run.results["discovery"].get("table", [])
-    chosen = tuple(t["term"] for t in run.results["discovery"]["terms"])
+    discovery = run.results.get("discovery") or {"terms": []}
+    chosen = tuple(t["term"] for t in discovery["terms"])
     cells, raw, count = [], [], Counter[int]()
-    for e in table:
+    for e in discovery.get("table", ()):
         size = len(e["terms"])
         raw.append([size, "; ".join(e["terms"]), e["unexplained"], e["likelihood_ratio"], e["probability"]])
         count[size] += 1
@@ -72,15 +66,10 @@ def radius_table(run: Run) -> Table | None:
     if not radius:
         return None
     keys = ("law", "parameters", "unexplained", "likelihood_ratio")
-    cells = [
-        [
-            term_cell(r["law"]),
-            prose(r["parameters"]).replace("-", "−"),
-            significant(r["unexplained"]),
-            ratio(r["likelihood_ratio"]),
-        ]
-        for r in radius["rivals"]
-    ]
+    cells = []
+    for r in radius["rivals"]:
+        values = [prose(r["parameters"]).replace("-", "−"), significant(r["unexplained"])]
+        cells.append([term_cell(r["law"]), *values, ratio(r["likelihood_ratio"])])
     head = ("radius over length", "least squares", "unexplained share", "likelihood ratio")
     caption = "Radius laws that compete; a likelihood ratio under 10 means “cannot tell”."
     return Table("radius_laws", caption, head, cells, keys, radius["rivals"], text=(0, 1))
@@ -144,16 +133,8 @@ def ranking_table(run: Run) -> Table | None:
                 cells.append([f"{i}", listed(map(effect_name, c["effects"])), outcome, *numbers, f"{c['parameters']}"])
     if not cells:
         return None
-    head = (
-        "search",
-        "candidate",
-        "outcome",
-        "training [nats]",
-        "held out [nats]",
-        "size",
-        "model error left [noise sds]",
-        "free parameters",
-    )
+    sizes = ("training [nats]", "held out [nats]", "size", "model error left [noise sds]")
+    head = ("search", "candidate", "outcome", *sizes, "free parameters")
     caption = (
         f"The {_BEST} most likely candidates of every search and all that were tried; the CSV file has every one that "
         "was weighed. Training: log evidence gained over the model of the search. Held out: log predictive score "

@@ -28,12 +28,12 @@ _PAGES = {
         "Every equation, number, figure and claim of the paper that this project starts from, beside its own: what "
         "holds, what does not, and why.",
     ),
-    "measured": (
+    "measured/index.html": (
         "Measured sets of other laboratories",
         "Public recordings of real systems, each from one rig file, side by side: what the loop added, and the error "
         "beside the best figure known from elsewhere.",
     ),
-    "closed_loop": (
+    "closed_loop/report.html": (
         "A controller from a discovered model",
         "The twin of the arm in a loop with two controllers, one tuned on the declared and one on the discovered "
         "model: tip error and energy, before and after.",
@@ -44,9 +44,8 @@ _PAGES = {
 def build_index(folder: Path) -> Path:
     """Write ``index.html`` in a folder of runs, and return it; pictures are embedded, pages of the runs are linked.
 
-    Each subfolder with ``results.json`` is a whole run, each with ``loop.json`` alone a closed loop; one with
-    ``studies.json`` holds the source paper's reproduction; ``measured`` the measured sets side by side, ``closed_loop``
-    the controllers. InputError if no subfolder holds results.
+    A subfolder holds a whole run (``results.json``), a loop (``loop.json``), or a page over several recordings (see
+    `_PAGES`). InputError if none holds results.
     """
     whole = [read_run(p.parent) for p in sorted(folder.glob("*/results.json"))]
     loops = [p.parent for p in sorted(folder.glob("*/loop.json")) if not (p.parent / "results.json").exists()]
@@ -64,21 +63,16 @@ def build_index(folder: Path) -> Path:
 
 def _pages(folder: Path) -> list[tuple[str, str, str]]:
     """Return the pages over several recordings that are there: link, title, and what they say."""
-    found = []
-    for studies in sorted(folder.glob("*/studies.json"))[:1]:
-        found.append((f"{studies.parent.name}/report.html", *_PAGES["paper"]))
-    if (folder / "measured" / "index.html").exists():
-        found.append(("measured/index.html", *_PAGES["measured"]))
-    if (folder / "closed_loop" / "report.html").exists():
-        found.append(("closed_loop/report.html", *_PAGES["closed_loop"]))
-    return found
+    studies = sorted(folder.glob("*/studies.json"))[:1]
+    found = [(f"{path.parent.name}/report.html", *_PAGES["paper"]) for path in studies]
+    return found + [(path, *words) for path, words in _PAGES.items() if path != "paper" and (folder / path).exists()]
 
 
 def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> dict[str, Any]:
     """Return what a card says of a run."""
     errors = loop["errors"]
     group, scale = held_group(errors), error_scale(errors)
-    page = folder / "report.html"
+    page, system = folder / "report.html", get_base(loop["model"]["after"]["model"]["base"]).system
     picture = _PICTURE.search(page.read_text(encoding="utf-8")) if page.is_file() else None
     return {
         "folder": folder.name,
@@ -87,21 +81,14 @@ def _card(folder: Path, name: str, loop: Mapping[str, Any], about: str = "") -> 
         "about": about,
         "verdict": loop["verdict"],
         "verdict_words": effect_name(loop["verdict"]),
-        "found": [_effect(e, _coordinate(loop)) for e in loop["effects"]],
-        "before": scale.text(errors["before"][group]["rms"]),
-        "after": scale.text(errors["after"][group]["rms"]),
+        "found": [_effect(e, system.coordinate_unit(str(errors["unit"]))) for e in loop["effects"]],
+        **{when: scale.text(errors[when][group]["rms"]) for when in ("before", "after")},
         "floor": scale.text(errors["noise_floor"]),
         "unit": scale.symbol,
         "where": "in training" if group == "train" else "held out",
         "picture": picture[1] if picture else "",
         "alt": picture[2] if picture else "",
     }
-
-
-def _coordinate(loop: Mapping[str, Any]) -> str:
-    """Return the unit of the coordinate: rad for an arm, else that of the output."""
-    system = get_base(loop["model"]["after"]["model"]["base"]).system
-    return system.coordinate_unit(str(loop["errors"]["unit"]))
 
 
 def _effect(effect: Mapping[str, Any], coordinate: str) -> str:

@@ -16,17 +16,14 @@ from discovery.report.words import listed
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Variables in words.
+#: Variables in words where these are not their names.
 _WORDS = {
     "deflection": "deflection δ",
     "angle": "angle θₜ of the tip",
     "rate": "rate θ̇ₜ",
     "motor_angle": "motor angle θₘ",
-    "time": "time",
-    "output": "output",
-    "input": "input",
 }
-_SHORT = {"angle": "angle θₜ", "time": "time"}
+_SHORT = {"angle": "angle θₜ"}
 #: What the force is drawn against.
 _SHOWN = ("deflection", "angle", "rate", "motor_angle", "output", "input")
 #: Recordings of which the force is drawn in time.
@@ -36,7 +33,7 @@ _MOST = 3
 def _word(run: Run, variable: str) -> str:
     """Return one variable in words."""
     own = {} if run.system.has_rod else {"rate": "rate q̇", "output": run.output_name, "input": run.input_name}
-    return own.get(variable, _WORDS[variable])
+    return own.get(variable, _WORDS.get(variable, variable))
 
 
 def _names(run: Run, variables: Sequence[str]) -> str:
@@ -56,7 +53,7 @@ def _forces(run: Run) -> dict[str, xr.Dataset]:
     return {name: force for name, force in found.items() if force is not None}
 
 
-def draw_time(run: Run) -> Picture | None:
+def draw_force(run: Run) -> Picture | None:
     """Return the force in time with its 90 % band, for the first recordings."""
     forces = dict(list(_forces(run).items())[:_MOST])
     if not forces:
@@ -71,12 +68,9 @@ def draw_time(run: Run) -> Picture | None:
         axes.set_title(verbatim(name), fontsize=8.5, color=GREY)
         axes.set_ylabel(label("force", _unit(run)))
     rows[-1].set_xlabel("time [s]")
-    return Picture(
-        "missing_force",
-        figure,
-        "The force per unit inertia that would make the final model follow the recording, with its 90 % band.",
-        "Reconstructed missing force against time with a band, one panel a recording.",
-    )
+    caption = "The force per unit inertia that would make the final model follow the recording, with its 90 % band."
+    alt = "Reconstructed missing force against time with a band, one panel a recording."
+    return Picture("missing_force", figure, caption, alt)
 
 
 def draw_states(run: Run) -> Picture | None:
@@ -103,13 +97,9 @@ def draw_states(run: Run) -> Picture | None:
     for axes in grid[:, 0]:
         axes.set_ylabel(label("force", _unit(run)))
     line = " Orange: the law of the patch, whose parameters differ a little from the model's." if laws else ""
-    return Picture(
-        "missing_force_states",
-        figure,
-        f"The missing force against what it may depend on: a line where it depends on it alone.{line}",
-        "Missing force against each state, one panel each.",
-        raster=True,
-    )
+    caption = f"The missing force against what it may depend on: a line where it depends on it alone.{line}"
+    alt = "Missing force against each state, one panel each."
+    return Picture("missing_force_states", figure, caption, alt, raster=True)
 
 
 def draw_map(run: Run) -> Picture | None:
@@ -127,15 +117,11 @@ def draw_map(run: Run) -> Picture | None:
         edgecolors=GREY, linewidths=0.2,
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [arm lengths]")
-    axes.set_ylabel("y [arm lengths]")
+    axes.set(xlabel="x [arm lengths]", ylabel="y [arm lengths]")
     figure.colorbar(dots, ax=axes, label=label("force", _unit(run)), shrink=0.85)
-    return Picture(
-        "missing_force_map",
-        figure,
-        "The missing force where the tip was: a place that always pushes alike shows as one colour.",
-        "Positions of the tip in the plane, coloured by the missing force.",
-    )
+    caption = "The missing force where the tip was: a place that always pushes alike shows as one colour."
+    alt = "Positions of the tip in the plane, coloured by the missing force."
+    return Picture("missing_force_map", figure, caption, alt)
 
 
 def dependence_table(run: Run) -> Table | None:

@@ -1,6 +1,7 @@
-"""Equations as presentation MathML, which browsers draw without any script or font of their own.
+"""Equations as presentation MathML, which browsers draw without any script or font of their own, and as LaTeX.
 
 Terms as the result files name them, such as ``delta^2 theta_t'``, are read into it.
+
 """
 
 from __future__ import annotations
@@ -45,10 +46,7 @@ def block(body: str) -> str:
 
 
 def broken(body: str) -> str:
-    """Return a formula that may be broken before each sign of its outermost sums and equations.
-
-    A browser breaks no line within one formula, but between two: each term is one.
-    """
+    """Return a formula that a browser may break before each sign of its outermost sums: each term is one."""
     terms: list[list[str]] = [[]]
     open_brackets, before = 0, ""
     for node in _outermost(fromstring(f"<mrow>{body}</mrow>")):
@@ -95,10 +93,7 @@ def number(text: str) -> str:
 
 
 def symbol(name: str, dots: int = 0) -> str:
-    """Return a symbol with subscripts after underscores, Greek letters by name, and dots for its time derivatives.
-
-    A LaTeX backslash before a Greek letter is passed over.
-    """
+    """Return a symbol with subscripts after underscores, Greek letters by name, and dots for derivatives."""
     # A name comes from a file: nothing in it is markup.
     head, *tail = str(escape(re.sub(r"\\mathrm|[\\{}]", "", name))).split("_")
     letter = GREEK.get(head, head)
@@ -204,12 +199,76 @@ class _Reader:
 
 
 def formula(text: str) -> str:
-    """Return MathML of a term as results name it, such as ``delta^2 theta_t'`` or ``1 - a delta^2``.
-
-    InputError if the text is not such a formula.
-    """
+    """Return MathML of a term as results name it, such as ``delta^2 theta_t'``; InputError if the text is none."""
     reader = _Reader(text)
     body = reader.sum()
     if reader.peek():
         raise InputError(f"The formula {text!r} cannot be read at {reader.peek()!r}.")
     return body
+
+
+_LATEX_LETTERS = {letter: f"\\{name}" for name, letter in GREEK.items() if not name.startswith("var")}
+_LATEX_SIGNS = {
+    "−": "-", "∂": "\\partial ", "∑": "\\sum", "∫": "\\int", "…": "\\dots", "×": "\\times ", "·": "\\cdot ",
+    "≤": "\\le ", "≥": "\\ge ", "∞": "\\infty ", "±": "\\pm ", "{": "\\{", "}": "\\}",
+    "\N{NARROW NO-BREAK SPACE}": "\\,", "\N{NO-BREAK SPACE}": "~", "\N{INVISIBLE TIMES}": "",
+}  # fmt: skip
+_PLAIN = str.maketrans({"\\": "\\backslash ", "_": "\\_", "%": "\\%", "#": "\\#", "&": "\\&", "$": "\\$"})
+_ACCENTS = {"˙": "dot", ".": "dot", "..": "ddot", "...": "dddot"}
+
+
+def latex(body: str) -> str:
+    r"""Return a formula in presentation MathML, as the page shows it, as LaTeX.
+
+    Examples
+    --------
+    >>> latex("<mrow><mi>α</mi><msup><mi>q</mi><mn>3</mn></msup></mrow>")
+    '\\alpha q^{3}'
+    """
+    return " ".join(_as_latex(fromstring(f"<mrow>{body}</mrow>")).split())
+
+
+def _as_latex(node: Element) -> str:
+    parts = [_as_latex(child) for child in node]
+    match node.tag:
+        case "mi" | "mn" | "mo":
+            return _token_latex(node)
+        case "mtext":
+            return f"\\text{{{(node.text or '').translate(_PLAIN)}}}"
+        case "mspace":
+            return "\\, "
+        case "msup":
+            return f"{_base_latex(node[0], parts[0])}^{{{parts[1]}}}"
+        case "msub" | "munder":
+            return f"{parts[0].rstrip()}_{{{parts[1]}}}"
+        case "msubsup" | "munderover":
+            return f"{parts[0].rstrip()}_{{{parts[1]}}}^{{{parts[2]}}}"
+        case "mfrac":
+            return f"\\frac{{{parts[0]}}}{{{parts[1]}}}"
+        case "msqrt":
+            return f"\\sqrt{{{''.join(parts)}}}"
+        case "mover":
+            return f"\\{_ACCENTS.get((node[1].text or '').strip(), 'hat')}{{{parts[0].strip()}}}"
+        case "mfenced":
+            return f"\\left({', '.join(parts)}\\right)"
+        case _:
+            return "".join(parts)
+
+
+def _base_latex(node: Element, text: str) -> str:
+    return text.rstrip() if node.tag in ("mi", "mn") or text.startswith("(") else f"{{{text.strip()}}}"
+
+
+def _token_latex(node: Element) -> str:
+    text = (node.text or "").strip()
+    if text in _LATEX_LETTERS:
+        return f"{_LATEX_LETTERS[text]} "
+    if text in _LATEX_SIGNS:
+        return _LATEX_SIGNS[text]
+    safe = text.translate(_PLAIN)
+    written = "".join(_LATEX_LETTERS.get(c, _LATEX_SIGNS.get(c, c)) for c in safe) if text == safe else safe
+    if node.tag == "mn" or len(text) < 2:
+        return written
+    if node.tag == "mo" and not text.isalpha():
+        return written
+    return f"\\mathrm{{{written}}}"

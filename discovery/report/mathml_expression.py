@@ -123,10 +123,7 @@ def _latex(name: str) -> str:
 
 
 def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
-    """Return MathML of a sympy expression in the symbols of `discovery.declarations.symbols`.
-
-    The coordinate is ``theta_t`` of an arm, ``q`` of an oscillator; empty where every symbol is written as it is named.
-    """
+    """Return MathML of a sympy expression in the coordinate ``theta_t`` or ``q``, or, without one, its own names."""
     # The speed itself, so that its square root and its powers look as one writes them.
     shown = sp.sympify(value).subs(v2, sp.Symbol("tip_speed", positive=True) ** 2)
     # A negative exponent of sympy has a hyphen in its number.

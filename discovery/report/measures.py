@@ -26,44 +26,23 @@ def recordings_table(run: Run) -> Table:
     for r in run.results["recordings"]:
         noise = [scale_for(u, n) for u, n in zip(r["units"], r["noise"], strict=True)]
         shown = dict.fromkeys(f"{s.text(n)} {s.symbol}" for n, s in zip(r["noise"], noise, strict=True))
-        cells.append(
-            [
-                r["name"],
-                _ROLES[r["role"]],
-                ", ".join(r["channels"]),
-                f"{r['samples']}",
-                significant(r["duration_s"]),
-                significant(r["rate_hz"], 4),
-                _largest(r["largest_deflection"], unit),
-                ", ".join(shown) + (" (estimated)" if r.get("noise_estimated") else ""),
-            ]
-        )
+        reach = scale_for(unit, r["largest_deflection"])
+        largest = f"{reach.text(r['largest_deflection'])} {reach.symbol}"
+        about = [r["name"], _ROLES[r["role"]], ", ".join(r["channels"]), f"{r['samples']}"]
+        pace = [significant(r["duration_s"]), significant(r["rate_hz"], 4), largest]
+        cells.append([*about, *pace, ", ".join(shown) + (" (estimated)" if r.get("noise_estimated") else "")])
         raw.append([" ".join(r[k]) if k == "channels" else r[k] for k in keys])
-    largest = f"largest {'deflection' if run.system.has_rod else run.output_name if run.reads_coordinate else 'motion'}"
-    head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", largest, "noise, sd")
+    most = f"largest {'deflection' if run.system.has_rod else run.output_name if run.reads_coordinate else 'motion'}"
+    head = ("recording", "used for", "channels", "samples", "duration [s]", "rate [Hz]", most, "noise, sd")
     return Table("recordings", "Recordings.", head, cells, keys, raw, text=(0, 1, 2))
 
 
-def _largest(value: float, unit: str) -> str:
-    scale = scale_for(unit, value)
-    return f"{scale.text(value)} {scale.symbol}"
-
-
-def _spread(values: Mapping[str, Any] | None, scale: Scale) -> list[str]:
-    return [scale.text((values or {}).get(m)) for m in _MEASURES]
-
-
 def _side_by_side(
-    name: str,
-    caption: str,
-    rows: Sequence[tuple[str, str, Mapping[str, Any]]],
-    scale: Scale,
-    *,
-    of: tuple[str, str] = ("recording", "recording"),
-    unit: str = "",
-) -> Table:
+    name: str, caption: str, rows: Sequence[tuple[str, str, Mapping[str, Any]]], scale: Scale, *,
+    of: tuple[str, str] = ("recording", "recording"), unit: str = "",
+) -> Table:  # fmt: skip
     """Return a table of errors before and after, in rows of a name for the file, one for the page, and the errors."""
-    cells = [[shown, *(text for w in _WHEN for text in _spread(m[w], scale))] for _, shown, m in rows]
+    cells = [[shown, *(scale.text((m[w] or {}).get(k)) for w in _WHEN for k in _MEASURES)] for _, shown, m in rows]
     raw = [[key, *(m[w][k] for w in _WHEN for k in _MEASURES), *([unit] if unit else [])] for key, _, m in rows]
     head = (of[0], *(f"{w}, {k} [{scale.symbol}]" for w in _WHEN for k in _MEASURES))
     keys = (of[1], *(f"{w}_{k}" for w in _WHEN for k in _MEASURES), *(["unit"] if unit else []))
@@ -137,6 +116,11 @@ def fits_table(run: Run) -> Table | None:
         ", beside those that the source paper prints for its own arm and manoeuvre." if paper else "."
     )
     return Table("fits", caption, tuple(head), cells, ("model", *(f"{k}_{m}" for k, m in kinds)), raw)
+
+
+def notes(run: Run) -> list[tuple[str, str]]:
+    """Return what is unusual about the recordings, each with the name of its recording."""
+    return [(r["name"], note) for r in run.results["recordings"] for note in r.get("notes", ())]
 
 
 def quantities(run: Run) -> list[tuple[str, str]]:

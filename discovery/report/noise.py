@@ -96,7 +96,7 @@ def noise_sentence(run: Run) -> str:
 def honest_table(run: Run) -> Table | None:
     """Return the parameters under the noise that the evidence prefers to that of the posterior; None without one."""
     best = preferred_noise(run)
-    if best is None:
+    if best is None or not run.posterior:
         return None
     declared, paper = sampled_parameters(run), published(run).get("parameters", {})
     cells, raw = [], []
@@ -104,18 +104,12 @@ def honest_table(run: Run) -> Table | None:
         low, middle, high = best["intervals"].get(r["name"], (None, None, None))
         if low is None or r["name"] not in declared:
             continue
-        width = high - low
-        cells.append(
-            [
-                symbol_of(r["name"]),
-                str(declared[r["name"]].meaning),
-                unit_of(r["name"], r["unit"], run),
-                *(rounded(end, width / _WIDTH) for end in (middle, low, high)),
-                significant(width / (r["q95"] - r["q05"]), 2) if r["q95"] > r["q05"] else MISSING,
-                uncertain(r["fit_value"], r["fit_sd"]),
-                *([significant(paper.get(r["name"]), 4)] if paper else []),
-            ]
-        )
+        name, width = r["name"], high - low
+        about = [symbol_of(name), str(declared[name].meaning), unit_of(name, r["unit"], run)]
+        ends = [rounded(end, width / _WIDTH) for end in (middle, low, high)]
+        wider = significant(width / (r["q95"] - r["q05"]), 2) if r["q95"] > r["q05"] else MISSING
+        beside = [significant(paper.get(name), 4)] if paper else []
+        cells.append([*about, *ends, wider, uncertain(r["fit_value"], r["fit_sd"]), *beside])
         raw.append([r["name"], r["unit"], low, middle, high, r["q05"], r["q95"]])
     told = ["paper, least squares"] if paper else []
     head = ("", "meaning", "unit", "median", "5 %", "95 %", "times as wide as the draws", "fit ± sd", *told)
@@ -144,14 +138,9 @@ def noise_table(run: Run) -> Table | None:
         marks = [w for w, n in (("preferred", preferred), ("sampled", sampled)) if n == m["noise"]]
         name = effect_name(m["noise"]) + (f" ({', '.join(marks)})" if marks else "")
         unsure = "" if m["reliable"] else ", unreliable"
-        cells.append(
-            [
-                name,
-                f"{significant(m['log_evidence'] - best, 4)} ± {significant(m['error'], 1)}",
-                significant(m["pareto_k"], 2) + unsure,
-                *(interval(*(m["intervals"].get(n) or (None, None, None))[::2]) for n in names),
-            ]
-        )
+        weight = f"{significant(m['log_evidence'] - best, 4)} ± {significant(m['error'], 1)}"
+        told = [interval(*(m["intervals"].get(n) or (None, None, None))[::2]) for n in names]
+        cells.append([name, weight, significant(m["pareto_k"], 2) + unsure, *told])
         ends = [x for n in names for x in (m["intervals"].get(n) or (None,) * 3)]
         raw.append([m["noise"], m["log_evidence"], m["error"], m["pareto_k"], *ends])
     head = ("noise", "log evidence − best", "Pareto k", *(symbol_of(n) for n in names))

@@ -1,42 +1,58 @@
-"""The page: one self-contained HTML file made of a run's result files."""
+"""The page: one self-contained HTML file made of a run's result files, and what the reader's browser gets."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
+import json
 import os
 import re
-from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from markupsafe import Markup
+
 from discovery.foundation.arguments import as_path
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.io import atomic_write
-from discovery.report import ambiguity, answer, evidence, latent, measures, noise, posterior, story
-from discovery.report.caution_sentences import failure_sentence, remedy_sentence
-from discovery.report.charts import chart_data, policy, scripts, sheet
-from discovery.report.equations import (
-    drive_words,
-    found_terms,
-    model_formulas,
-    regression_equation,
-    standing,
-    three_terms,
+from discovery.report import (
+    ambiguity,
+    answer,
+    doubt_sentences,
+    equations,
+    estimates,
+    evidence,
+    latent,
+    measures,
+    noise,
+    numbers,
+    posterior,
+    references,
+    sentences,
+    story,
+    words,
 )
-from discovery.report.estimates import elastica_table, final_table, nuisance_table, posterior_table, published
 from discovery.report.figures import draw_all, motion
-from discovery.report.latex import latex
-from discovery.report.model_error_sentences import model_error_words
-from discovery.report.numbers import interval, significant
-from discovery.report.references import methods_used, sources_table
-from discovery.report.results import Run, read_run
-from discovery.report.sentences import lead_sentence, refutations, verdict_sentence
+from discovery.report.figures.motion import channel_name, shown_scale
+from discovery.report.mathml import latex
+from discovery.report.numbers import scale_for
+from discovery.report.results import Run, Trajectory, read_run
 from discovery.report.style import Picture, render, styled
-from discovery.report.tables import Table
-from discovery.report.words import clause, headline, origin, page_prose, sentence
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+#: What the templates ask for words and numbers, by name; every function ``*_table`` there is a table of the page.
+_ASKED = {
+    room.__name__.rpartition(".")[2]: room
+    for room in (
+        measures, evidence, noise, posterior, estimates, latent, ambiguity, references,
+        answer, equations, numbers, sentences, doubt_sentences, story, words,
+    )
+}  # fmt: skip
 #: Letters of the name of a figure's file.
 _LONGEST = 100
 
@@ -72,23 +88,35 @@ def build_report(run_dir: str | os.PathLike[str]) -> Path:
     run = read_run(as_path(run_dir, "run_dir", "Give the folder of a finished run."))
     if run.loop.get("failure"):
         with styled():
-            drawn = motion.draw(run)
+            drawn = motion.draw_motion(run)
             shown = {"data": [] if drawn is None else [embed(run.folder, drawn)]}
-        html = environment().get_template("failed.html.j2").render(_failed_context(run), figures=shown)
-        return _page(run.folder, html)
-    tables = _tables(run)
+        return _page(run, "failed.html.j2", figures=shown, chart=None)
+    makers = [make for room in _ASKED.values() for name, make in vars(room).items() if name.endswith("_table")]
+    tables = [table for make in makers if (table := make(run)) is not None]
     figures: dict[str, list[dict[str, Any]]] = {}
     with styled():
         for section, pictures in draw_all(run).items():
             figures[section] = [embed(run.folder, picture) for picture in pictures]
-    for table in tables.values():
+    for table in tables:
         written(run.folder / "tables" / f"{table.name}.csv", table.csv())
-    return _page(run.folder, environment().get_template("page.html.j2").render(_context(run, tables, figures)))
+    shown = {table.name: table.html() for table in tables}
+    return _page(
+        run,
+        "page.html.j2",
+        tables=shown,
+        figures=figures,
+        chart=chart_data(run),
+        chart_sheet=Markup(_asset("uPlot.min.css")),
+    )
 
 
-def _page(folder: Path, html: str) -> Path:
+def _page(run: Run, template: str, **content: Any) -> Path:
+    """Write a page, whose template asks the modules of this room for its words."""
+    chart = content["chart"] is not None
+    fields = {**_ASKED, **content, "run": run, "policy": policy(chart=chart), "scripts": scripts(chart=chart)}
+    html = environment().get_template(template).render(fields)
     # The odds that are told stand in one line.
-    return written(folder / "report.html", html.replace("10 000", "10\N{NO-BREAK SPACE}000"))
+    return written(run.folder / "report.html", html.replace("10 000", "10\N{NO-BREAK SPACE}000"))
 
 
 def written(path: Path, text: str) -> Path:
@@ -106,16 +134,10 @@ def embed(folder: Path, picture: Picture) -> dict[str, Any]:
     with atomic_write(folder / "figures" / f"{stem}{suffix}") as temporary:
         temporary.write_bytes(content)
     kind = "image/png" if picture.raster else "image/svg+xml"
+    source = f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
     width, height = (round(96 * inches) for inches in picture.figure.get_size_inches())
-    return {
-        "name": picture.name,
-        "source": f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}",
-        "caption": picture.caption,
-        "alt": picture.alt,
-        "wide": picture.wide,
-        "width": width,
-        "height": height,
-    }
+    told = {key: getattr(picture, key) for key in ("name", "caption", "alt", "wide")}
+    return {**told, "source": source, "width": width, "height": height}
 
 
 def environment(*packages: str) -> Environment:
@@ -129,162 +151,123 @@ def environment(*packages: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"prose": page_prose, "sentence": sentence, "clause": clause, "latex": latex}
+    made.filters |= {"prose": words.page_prose, "sentence": words.sentence, "clause": words.clause, "latex": latex}
     return made
 
 
-def _tables(run: Run) -> dict[str, Table]:
-    """Return the tables for which the run has results, by name."""
-    r = run.results
-    made: list[Table | None] = [
-        measures.recordings_table(run),
-        measures.errors_table(run),
-        measures.scored_table(run),
-        measures.clean_table(run),
-        measures.fits_table(run),
-        evidence.distortion_table(run),
-        evidence.terms_table(run) if r.get("discovery") else None,
-        evidence.equations_table(run) if r.get("discovery") else None,
-        evidence.radius_table(run),
-        noise.honest_table(run) if r.get("posterior") else None,
-        posterior_table(run) if r.get("posterior") else None,
-        nuisance_table(run) if r.get("posterior") else None,
-        posterior.profiles_table(run),
-        posterior.priors_table(run),
-        posterior.coverage_table(run),
-        posterior.diagnostics_table(run),
-        noise.noise_table(run),
-        posterior.models_table(run),
-        elastica_table(run) if r.get("elastica") and r["elastica"]["comparison"] else None,
-        evidence.residual_table(run),
-        evidence.dependence_table(run),
-        evidence.effects_table(run),
-        evidence.ranking_table(run),
-        evidence.model_error_table(run),
-        latent.dependence_table(run),
-        latent.patches_table(run),
-        ambiguity.separation_table(run),
-        ambiguity.moves_table(run),
-        ambiguity.contradictions_table(run),
-        ambiguity.reconciliations_table(run),
-        final_table(run),
-        sources_table(run),
-    ]
-    return {table.name: table for table in made if table is not None}
+#: Samples of a recording that a chart holds.
+_MOST = 12_000
+#: Change between two shown samples over the spread of the signal: twenty samples a period keep its shape.
+_SMOOTH = 0.3
+#: Recordings of a chart.
+_RECORDINGS = 6
+#: The integer that stands for a gap, and the largest one that stands for a value.
+_GAP, _LARGEST = -32768, 32767
+#: Files of `assets` in the order in which they run: the plotting library (MIT licence beside it), and the page's own.
+_SCRIPTS = ("uPlot.iife.min.js", "page.js", "chart.js")
 
 
-def _context(run: Run, tables: Mapping[str, Table], figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the template of the page asks for."""
+def chart_data(run: Run) -> Markup | None:
+    """Return the recordings with what each model leaves of them, as JSON that can stand in a script element.
+
+    A list with an entry a recording, the held-out ones first: `name`, `role`, `time` and `channels`. A channel has
+    `measured`, and `left`, by model the model minus the measurement. None where no trajectory is stored.
+    """
+    held = [t.name for t in run.held_out]
+    ordered = sorted(run.trajectories, key=lambda t: t.name not in held)
+    entries = [_entry(run, t) for t in ordered[:_RECORDINGS] if np.isfinite(t.measured).any()]
+    if not entries:
+        return None
+    # Names come from files: nothing in them ends the script element.
+    text = json.dumps(entries, ensure_ascii=True, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def _entry(run: Run, trajectory: Trajectory) -> dict[str, Any]:
+    every = _every(trajectory.measured)
+    role = {"train": "fitted", "holdout": "held out"}.get(trajectory.role, trajectory.role)
+    if trajectory.role == "train" and not trajectory.fitted.all():
+        role = "first part fitted"
+    if -(-trajectory.time.size // every) > _MOST:
+        role = f"{role}, first {trajectory.time[_MOST * every] - trajectory.time[0]:.3g} s"
+    noise = next(r["noise"] for r in run.results["recordings"] if r["name"] == trajectory.name)
     return {
-        "tables": {name: table.html() for name, table in tables.items()},
-        "figures": figures,
-        "has_rod": run.system.has_rod,
-        "provenance": run.results["provenance"],
-        "methods": methods_used(run),
-        **_first_screen(run),
-        **_regression_part(run),
-        **_model_part(run),
-        **_posterior_part(run),
-        "elastica": run.results.get("elastica") if "elastica" in tables else None,
-        **_loop_part(run),
+        "name": trajectory.name,
+        "role": role,
+        "time": _time(trajectory.time[::every][:_MOST]),
+        "channels": [_channel(run, trajectory, c, noise[c], every) for c in range(len(trajectory.channels))],
     }
 
 
-def _first_screen(run: Run) -> dict[str, Any]:
-    """Return the answer, and the chart in the reader's browser."""
-    chart, lines = chart_data(run), answer.equation_lines(run)
+def _every(measured: FloatArray) -> int:
+    """Return which samples are shown, every one, every second ...: as few as are held, but enough to keep the shape."""
+    spread = np.nanstd(measured, axis=0)
+    every = 1
+    while measured.shape[0] > every * _MOST:
+        change = measured[every + 1 :] - measured[: -every - 1]
+        # Where readings were left out, no two may be so far apart.
+        told = np.isfinite(change).any(axis=0).all()
+        if not told or not np.all(np.sqrt(np.nanmean(change**2, axis=0)) <= _SMOOTH * spread):
+            break
+        every += 1
+    return every
+
+
+def _channel(run: Run, trajectory: Trajectory, c: int, noise: float, every: int) -> dict[str, Any]:
+    measured, unit = trajectory.measured[::every, c][:_MOST], trajectory.units[c]
+    shown = shown_scale(trajectory, c, run.coordinate_unit)
+    left = {
+        m: trajectory.models[m][::every, c][:_MOST] - measured for m in ("before", "after") if m in trajectory.models
+    }
+    largest = [float(np.nanmax(np.abs(v))) for v in left.values() if np.isfinite(v).any()]
+    scale = scale_for(unit, min(largest, default=1.0))
     return {
-        "policy": policy(chart=chart is not None),
-        "scripts": scripts(chart=chart is not None),
-        "chart": chart,
-        "chart_sheet": sheet(),
-        "certainty": answer.certainty(run),
-        "final_lines": lines,
-        "final_tex": answer.in_one(lines),
-        "where": answer.where(run, lines),
-        "final_values": answer.parameter_lines(run),
-        "bars": answer.error_bars(run),
-        "standing": standing(run),
-        "name": run.results["rig"]["name"],
-        "origin": origin(run),
-        "headline": headline(run),
-        "verdict": run.loop["verdict"],
-        "because": verdict_sentence(run.told),
-        "refutations": refutations(run.loop),
-        "model_error": model_error_words(run.told),
-        "lead": lead_sentence(run.loop["lead"]) if run.loop.get("lead") else "",
-        "added": answer.added_effects(run),
-        "quantities": measures.quantities(run),
-        "notes": [(r["name"], n) for r in run.results["recordings"] for n in r.get("notes", ())],
+        "name": channel_name(run, trajectory.channels[c]),
+        "unit": shown.symbol,
+        "factor": scale.factor / shown.factor,
+        "small": scale.symbol,
+        "noise": noise * shown.factor,
+        "measured": _packed(measured * shown.factor),
+        "left": {model: _packed(values * shown.factor) for model, values in left.items()},
     }
 
 
-def _regression_part(run: Run) -> dict[str, Any]:
-    """Return what the recording says before any model is fitted."""
-    r, system = run.results, run.results["rig"]["kind"]
-    discovery, radius = r.get("discovery"), r.get("radius")
-    return {
-        "discovery": discovery,
-        "equation": regression_equation(found_terms(discovery), system) if discovery else "",
-        "three": three_terms(discovery, system) if discovery and run.system.has_rod else None,
-        "radius": radius,
-        "radius_interval": interval(*radius["interval"]) if radius else "",
-        "radius_gamma": significant(radius["gamma"], 4) if radius else "",
-        "multisine": r.get("multisine"),
-    }
+def _time(time: FloatArray) -> dict[str, Any]:
+    """Return evenly spaced time by its start and step, else every value."""
+    step = (time[-1] - time[0]) / max(1, time.size - 1)
+    even = time[0] + step * np.arange(time.size)
+    if np.abs(even - time).max() < 0.01 * step:
+        return {"start": float(f"{time[0]:.9g}"), "step": float(f"{step:.9g}"), "n": int(time.size)}
+    return {"values": [float(f"{t:.7g}") for t in time], "n": int(time.size)}
 
 
-def _model_part(run: Run) -> dict[str, Any]:
-    """Return the declared and the final model."""
-    model, system = run.loop["model"], run.results["rig"]["kind"]
-    return {
-        "declared_formulas": [f.shown for f in model_formulas(model["before"]["model"], system)],
-        "drive": drive_words(run),
-        "final_formulas": [f.shown for f in model_formulas(model["after"]["model"], system)],
-        "same_model": model["before"]["model"] == model["after"]["model"],
-        "final": model["after"],
-        "reduced_chi2": significant(model["after"]["reduced_chi2"], 4),
-        "solver_shift": significant(model["after"]["solver_shift_sd"], 2),
-    }
+def _packed(values: FloatArray) -> dict[str, Any]:
+    """Return values as 16-bit integers, each a 65 000th of the range: far below what an instrument reads."""
+    good = values[np.isfinite(values)]
+    low, high = (float(good.min()), float(good.max())) if good.size else (0.0, 0.0)
+    step = (high - low) / (2 * _LARGEST) or 1.0
+    whole = np.where(np.isfinite(values), np.rint((np.nan_to_num(values) - low) / step) - _LARGEST, _GAP)
+    data = base64.b64encode(whole.astype("<i2").tobytes()).decode("ascii")
+    return {"low": low, "step": step, "data": data}
 
 
-def _posterior_part(run: Run) -> dict[str, Any]:
-    return {
-        "posterior": run.results.get("posterior"),
-        "pending": posterior.pending_sentence(run),
-        "asked": posterior.is_as_asked(run),
-        "whole": run.is_whole,
-        "noise_differs": noise.noise_differs(run),
-        "noise": noise.noise_sentence(run),
-        "converged": posterior.convergence_sentence(run),
-        "leans": posterior.prior_sentence(run),
-        "correlated": posterior.correlation_sentences(run),
-    }
+@cache
+def _asset(name: str) -> str:
+    return (files("discovery.report") / "assets" / name).read_text(encoding="utf-8")
 
 
-def _loop_part(run: Run) -> dict[str, Any]:
-    return {
-        "paper": published(run).get("source", ""),
-        "steps": story.steps(run),
-        **ambiguity.told(run),
-        "unexplained": latent.sentences(run),
-    }
+def scripts(*, chart: bool) -> list[Markup]:
+    """Return the text of every script of a page; those of the live chart only where there is one."""
+    return [Markup(_asset(name)) for name in _SCRIPTS if chart or name == "page.js"]
 
 
-def _failed_context(run: Run) -> dict[str, Any]:
-    """Return what the template of the page asks for where the declared model has no fit, but for its pictures."""
-    failure = run.loop["failure"]
-    formulas = model_formulas(run.loop["model"]["before"]["model"], run.results["rig"]["kind"])
-    return {
-        "policy": policy(chart=False),
-        "scripts": scripts(chart=False),
-        "name": run.results["rig"]["name"],
-        "origin": origin(run),
-        "why": failure_sentence(failure),
-        "remedy": remedy_sentence(failure),
-        "message": failure["message"],
-        "declared_formulas": [f.shown for f in formulas],
-        "recordings": measures.recordings_table(run).html(),
-        "notes": [(r["name"], n) for r in run.results["recordings"] for n in r.get("notes", ())],
-        "provenance": run.results["provenance"],
-    }
+def policy(*, chart: bool) -> str:
+    """Return the content-security policy: no request at all, and only scripts with these hashes."""
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+        for text in scripts(chart=chart)
+    )
+    return (
+        f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {hashes}; "
+        "base-uri 'none'; form-action 'none'"
+    )

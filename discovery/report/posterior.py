@@ -15,12 +15,6 @@ _DIGITS = {"r_hat": 5, "mcse": 2}
 _AGREE = 1.01
 
 
-def is_as_asked(run: Run) -> bool:
-    """Return whether nothing that was asked for is still to come."""
-    pending = run.results.get("pending")
-    return not pending or pending["because"] == "asked"
-
-
 def pending_sentence(run: Run) -> str:
     """Return what of the posterior is not there, why, and how it comes; empty where all is."""
     pending = run.results.get("pending")
@@ -48,15 +42,8 @@ def priors_table(run: Run) -> Table | None:
     cells, raw = [], []
     for p in priors:
         changes = [(fixed(w["shift"], 3), f"{fixed(100 * (w['sd_ratio'] - 1), 1)} %") for w in p["widths"]]
-        cells.append(
-            [
-                symbol_of(p["name"]),
-                prior_words(p),
-                near_one(p["contraction"]),
-                *(cell for both in changes for cell in both),
-                "yes" if p["sensitive"] else "no",
-            ]
-        )
+        about = [symbol_of(p["name"]), prior_words(p), near_one(p["contraction"])]
+        cells.append([*about, *(cell for both in changes for cell in both), "yes" if p["sensitive"] else "no"])
         numbers = [x for w in p["widths"] for x in (w["shift"], w["sd_ratio"], w["effective"])]
         raw.append([p["name"], p["law"], p["prior_sd"], p["contraction"], *numbers, p["sensitive"]])
     widths = [f"widths × {f:g}" for f in factors]
@@ -150,16 +137,9 @@ def models_table(run: Run) -> Table | None:
     keys = ("name", "noise", "behind", "error", "pareto_k", "free", "held_out")
     for m in found["models"]:
         unsure = "" if m["reliable"] else ", unreliable"
-        cells.append(
-            [
-                effect_name(m["name"]),
-                ", ".join(effect_name(e) for e in m["effects"]),
-                f"{m['free']}",
-                f"{significant(-m['behind'], 4)} ± {significant(m['error'], 1)}",
-                significant(m["pareto_k"], 2) + unsure,
-                scale.text(m["held_out"]),
-            ]
-        )
+        about = [effect_name(m["name"]), ", ".join(effect_name(e) for e in m["effects"]), f"{m['free']}"]
+        weight = f"{significant(-m['behind'], 4)} ± {significant(m['error'], 1)}"
+        cells.append([*about, weight, significant(m["pareto_k"], 2) + unsure, scale.text(m["held_out"])])
     head = ("candidate", "effects", "free", "log evidence − best", "Pareto k", f"held out, rms [{scale.symbol}]")
     noise = listed(dict.fromkeys(effect_name(m["noise"]) for m in found["models"]))
     caption = (

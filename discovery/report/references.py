@@ -1,22 +1,22 @@
-"""What to cite: the sources of exactly the effects and methods that a run used."""
+"""What to cite: the sources of exactly the effects and methods that a run used, and the source paper's own numbers."""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
 from markupsafe import Markup
 
 from discovery.declarations.registry import get_effect
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.effect_formulas import effect_formula, placed_formula
-from discovery.report.latex import latex
-from discovery.report.mathml import inline
-from discovery.report.paper import paper_numbers
+from discovery.report.mathml import inline, latex
 from discovery.report.results import Run
 from discovery.report.tables import Table
-from discovery.report.words import GEOMETRY_SOURCES, effect_name, effect_title, in_catalogue
+from discovery.report.words import effect_name, effect_title, in_catalogue
 
 
 def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
@@ -29,7 +29,8 @@ def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
             known = get_effect(effect_id) if in_catalogue(effect_id) else None
             law = "" if known is None else placed_formula(known) if known.place else effect_formula(known, system)
             body = Markup(inline(law)) if law else Markup("")
-            cite = _named(known.cite if known else GEOMETRY_SOURCES.get(effect_id, ""), run)
+            source = known or UPGRADES.get(effect_id)
+            cite = _named(source.cite if source else "", run)
             found.append((effect_name(effect_id), role, effect_title(effect_id), body, cite))
     return found
 
@@ -65,3 +66,10 @@ def _there(results: Any, part: str) -> bool:
     for name in part.split("."):
         results = (results or {}).get(name)
     return bool(results)
+
+
+@cache
+def paper_numbers() -> dict[str, Any]:
+    """Return rig, parameters, manoeuvre and errors that the paper prints, in SI units; see ``published.toml``."""
+    text = files("discovery.report").joinpath("templates/published.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)

@@ -109,10 +109,7 @@ class Run:
 
     @property
     def told(self) -> Mapping[str, Any]:
-        """The content of loop.json, what the model error depends on named by what the system has.
-
-        Without a rod, what is called deflection is what is read.
-        """
+        """The content of loop.json; without a rod, what it calls deflection is named by what is read."""
         error = self.loop["model_error"]
         if self.system.has_rod:
             return self.loop
@@ -248,10 +245,7 @@ def _trajectory(recording: Mapping[str, Any], dataset: xr.Dataset) -> Trajectory
 
 
 def read_run(folder: Path) -> Run:
-    """Read the result files of a run.
-
-    InputError if ``results.json`` is missing or is not what a run writes, or other files are not those of its run.
-    """
+    """Read the result files of a run; InputError if ``results.json`` is none, or files are another run's."""
     path = Path(folder) / "results.json"
     try:
         results = read_json(path)

@@ -1,6 +1,7 @@
 """The sentences that say what a search decided, made from the records of loop.json and from nothing else.
 
 The console, the page, the table of a campaign and the comparison of runs all say the same. No program reads a sentence.
+
 """
 
 from __future__ import annotations
@@ -11,8 +12,7 @@ from typing import Any
 
 from discovery.declarations.registry import effect_name
 from discovery.estimation.importance import LARGEST_K
-from discovery.report.caution_sentences import failure_sentence
-from discovery.report.model_error_sentences import as_none, depends_words, held_words, share_words
+from discovery.report.doubt_sentences import failure_sentence
 from discovery.report.numbers import listed, plain, sizes
 
 Record = Mapping[str, Any]
@@ -229,3 +229,48 @@ def _mechanics(gain: float | None, *, accepted: bool) -> str:
 
 def _nats(value: float | None) -> str:
     return f"{plain(value)} nats"
+
+
+def model_error_words(loop: Record) -> str:
+    """Return the model error before and after, the part that is left, what it depends on, and what counts as none."""
+    error = loop["model_error"]
+    (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    words = (after if before == after else f"{before} -> {after}") + f" {unit}".rstrip()
+    words += f", {share_words(error)} is left" if before != after and share_words(error) else ""
+    hidden = loop["verdict"] in ("nothing_missing", "explained") and not _is_small(error)
+    limit = "it cannot be told from none" if hidden else f"up to {least} {unit}".strip() + " counts as none"
+    return f"{words}{held_words(error)}{depends_words(error)}; {limit}"
+
+
+def share_words(error: Record) -> str:
+    """Return the part of the model error that is left; empty where there is nothing to compare."""
+    share, before = error["share"], error["before"]
+    if not (share and before) or not all(map(math.isfinite, (share, before))):
+        return ""
+    return f"{plain(100 * share, 2)} %"
+
+
+def as_none(error: Record) -> str:
+    """Return why a model error counts as none: how large one may be, or that it cannot be told from none."""
+    if not _is_small(error):
+        return "cannot be told from none"
+    (*_, limit), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    return f"counts as none (up to {limit} {unit})"
+
+
+def held_words(error: Record) -> str:
+    """Return the model error held out, where that alone is more than none."""
+    after, held, least = error["after"], error.get("held"), error["least"]
+    if after is None or held is None or not after <= least < held:
+        return ""
+    (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
+    return f", and of {size} {unit}".rstrip() + " held out"
+
+
+def depends_words(error: Record) -> str:
+    """Return what a model error depends on; empty where that is nothing."""
+    return f"; it depends on {listed(map(effect_name, error['depends_on']))}" if error["depends_on"] else ""
+
+
+def _is_small(error: Record) -> bool:
+    return error["after"] is not None and max(error["after"], error.get("held") or 0.0) <= error["least"]

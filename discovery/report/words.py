@@ -20,8 +20,6 @@ from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
 from discovery.results.judging import held_group
 
-#: Where the steps of the mechanics come from, which are no entries of the catalogue.
-GEOMETRY_SOURCES = {name: step.cite for name, step in UPGRADES.items()}
 #: Models that are fitted side by side.
 FITS = {"linear": "linear spring", "constant_radius": "nonlinear spring, constant radius", "declared": "declared model"}
 MASSES = {"as_printed": "massless", "rod_counted": "counted"}
@@ -116,28 +114,18 @@ def deflection_unit(run: Run) -> str:
 
 
 def error_groups(run: Run) -> dict[str, str]:
-    """Return the groups of recordings by which errors are reported, in the words of a reader.
-
-    Held-out recordings are told apart by whether they stay inside the trained range only where there are both kinds.
-    """
+    """Return the groups of recordings by which errors are reported, in the words of a reader."""
     errors = run.loop["errors"]["before"]
     reach = "deflection" if run.system.has_rod else "range"
-    inside, outside = f"inside the trained {reach}", f"beyond the trained {reach}"
+    inside, outside = f"held out, inside the trained {reach}", f"held out, beyond the trained {reach}"
     moving = {"holdout_moving": "held out, while it moves"} if "holdout_moving" in errors else {}
+    held = {}
     if {"holdout_inside", "holdout_outside"} <= errors.keys():
-        return {
-            "train": "training",
-            "holdout": "held out, all",
-            "holdout_inside": f"held out, {inside}",
-            "holdout_outside": f"held out, {outside}",
-            **moving,
-        }
-    if "holdout_inside" in errors:
-        held = {"holdout_inside": f"held out, {inside}"}
+        held = {"holdout": "held out, all", "holdout_inside": inside, "holdout_outside": outside}
+    elif "holdout_inside" in errors:
+        held = {"holdout_inside": inside}
     elif (errors.get("holdout") or {}).get("rms") is not None:
-        held = {"holdout": f"held out, {outside}" if "holdout_outside" in errors else "held out"}
-    else:
-        held = {}
+        held = {"holdout": outside if "holdout_outside" in errors else "held out"}
     return {"train": "training", **held, **moving}
 
 

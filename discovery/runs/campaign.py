@@ -38,32 +38,16 @@ def campaign(
     settings: Mapping[str, Any] | None = None,
     origins: Mapping[str, Mapping[str, Any]] | None = None,
     seed: int = 0,
-    workers: int = 2,
-    scheduler: str | None = None,
-    insecure: bool = False,
-    limit: float | None = None,
-    heard: Callable[[str], object] | None = None,
+    **how: Any,
 ) -> Iterator[Outcome]:
     """Do the cases that are not done yet, and keep every outcome on disk as it comes; yield the outcomes of these.
 
-    Interrupted at whatever moment, the next call goes on where this one was; cases that failed or whose origin has
-    changed are done again.
+    The next call goes on where this one was interrupted; cases that failed or whose origin has changed are done again.
+    Outcomes go to ``cases/NAME.json`` in the folder, whole or not at all. What else all of them depend on is in
+    `settings`, what one is made from, such as hashes of files, in `origins` by its name: both JSON-ready. How they are
+    done goes to `discovery.runs.spread.spread`.
 
-    Parameters
-    ----------
-    work, cases, seed, workers, scheduler, insecure, limit, heard
-        See `discovery.runs.spread.spread`.
-    folder : path
-        Every outcome is written to ``cases/<name>.json`` in it, whole or not at all.
-    settings : mapping, optional
-        What else all outcomes depend on; JSON-ready.
-    origins : mapping of str to mapping, optional
-        By name of a case, what its outcome is made from, such as hashes of files; JSON-ready, kept with the outcome.
-
-    Raises
-    ------
-    InputError
-        If the folder holds outcomes under another seed or other settings.
+    InputError if the folder holds outcomes under another seed or other settings.
     """
     folder = Path(folder)
     _claim(folder / "campaign.json", {"seed": seed, "settings": plain(settings or {})})
@@ -73,9 +57,7 @@ def campaign(
     def outcomes() -> Iterator[Outcome]:
         if (first := next(waiting, None)) is None:
             return
-        left = chain([first], waiting)
-        where: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "insecure": insecure}
-        for outcome in spread(work, left, seed=seed, limit=limit, heard=heard, **where):
+        for outcome in spread(work, chain([first], waiting), seed=seed, **how):
             origin = {"origin": known[outcome.name]} if outcome.name in known else {}
             write_json(_file(folder, outcome.name), asdict(outcome) | origin)
             yield outcome
@@ -135,12 +117,9 @@ def _file(folder: Path, name: str) -> Path:
 def collect(folder: str | os.PathLike[str], names: Iterable[str] | None = None, *, apart: Sequence[str] = ()) -> Path:
     """Write the outcomes of a campaign, or of some of its cases, as one table, sorted by name, and return its path.
 
-    It is ``results.parquet`` in the campaign's folder: columns ``name``, ``seconds``, ``error`` and one for every key
-    of the results. Keys that stand `apart` hold a list of mappings; each becomes a table of its own, ``<key>.parquet``:
-    the name of the case, and a column for every key of the mappings. Beside every table lies the same as CSV; what is
-    no single value is JSON there.
-
-    Raises InputError if there are no outcomes.
+    ``results.parquet`` has the columns ``name``, ``seconds``, ``error`` and one for every key of the results. Keys that
+    stand `apart` hold a list of mappings and become tables of their own, ``KEY.parquet``, with the name of the case.
+    Beside each lies the same as CSV, JSON where no single value is. InputError if there are no outcomes.
     """
     folder = Path(folder)
     found = partial(rows, folder, None if names is None else tuple(names))
@@ -209,11 +188,10 @@ def watched(outcomes: Iterable[Outcome], total: int, title: str, tell: Tell) -> 
 
 
 def pooled_parameters(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return what the cases of a campaign say of each parameter together, see `discovery.posterior.pooled.pool`.
+    """Return what the rows of a campaign say of each parameter together, see `discovery.posterior.pooled.pool`.
 
-    Rows are those of `rows`. There is an entry for each parameter that at least three systems
-    of one kind have in one unit, with a standard deviation; initial states, which belong to a recording, are left out.
-    The most frequent come first; all is JSON-ready.
+    An entry for each parameter, initial states left out, that at least three systems of one kind have in one unit with
+    a standard deviation; the most frequent first, JSON-ready.
     """
     found: dict[tuple[str, str, str], list[tuple[str, str, float, float]]] = {}
     for row in rows:

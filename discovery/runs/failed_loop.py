@@ -110,8 +110,7 @@ def _growth(dataset: Dataset, model: Model, units: NaturalUnits) -> float:
 
 def gather_failed_loop(folder: Path, loop: FailedLoop, seed: int, *, note: str = "") -> None:
     """Gather in an empty folder what the page of a failed loop is made of."""
-    nothing: dict[str, Any] = dict.fromkeys(("posterior", "discovered", "elastica"))
-    save_curves(folder, loop.dataset, predictions={}, bands=(), **nothing)
+    save_curves(folder, loop.dataset, {})
     content = {
         "provenance": provenance(loop.dataset, seed=seed),
         **describe(loop.dataset),

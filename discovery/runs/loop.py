@@ -21,15 +21,15 @@ from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.progress import Course, Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.recordings.chosen import Recordings, held_out_of, training_of
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
 from discovery.recordings.rounding import resolution
-from discovery.runs.declared_effects import in_its_units, sought
-from discovery.runs.follow_up import contradiction_of, separations
-from discovery.runs.loop_result import UPGRADES, LoopResult, ModelErrorReport
+from discovery.runs.around_search import contradiction_of, in_its_units, separations, sought
+from discovery.runs.loop_result import LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -41,7 +41,7 @@ from discovery.selection.verdict import Named, is_complete, least_error, named, 
 from discovery.simulation.simulate import THREADS
 
 #: The exact arm on which effects are searched.
-_EXACT = UPGRADES[-1][0]
+_EXACT = [*UPGRADES.values()][-1].base
 #: A trajectory error below so many noise sds at every sample is none to the search.
 _HIDDEN = 0.06
 #: A state on which the residual depends explains so much of its variance.
@@ -193,10 +193,10 @@ def _on_best_mechanics(
     if not context.train[0].system.has_rod:
         return search.best, (), []
     context.progress("comparing mechanics")
-    bases = ["constant_radius", *(base for base, _ in UPGRADES)]
+    bases = ["constant_radius", *(step.base for step in UPGRADES.values())]
     answers = at_once([partial(_with_base, base, before, search, context) for base in bases], threads=THREADS)
     best, geometry, steps = answers[0], [], []
-    for (_, name), other in zip(UPGRADES, answers[1:], strict=True):
+    for name, other in zip(UPGRADES, answers[1:], strict=True):
         gain = -np.inf if other is None else other.joint - (-np.inf if best is None else best.joint)
         accepted = bool(gain >= context.settings.nats)
         numbers = {"odds": float(gain)} if np.isfinite(gain) else {}
@@ -219,15 +219,9 @@ def _with_base(base: str, before: Fit, search: Search, context: Context) -> Cont
 
 
 def _result(
-    context: Context,
-    search: Search,
-    found: Mapping[str, Named],
-    before: tuple[Fit, Contender],
-    after: tuple[Fit, Contender],
-    mechanics: tuple[tuple[str, ...], list[Decision]],
-    *,
-    complete: bool,
-) -> LoopResult:
+    context: Context, search: Search, found: Mapping[str, Named], before: tuple[Fit, Contender],
+    after: tuple[Fit, Contender], mechanics: tuple[tuple[str, ...], list[Decision]], *, complete: bool,
+) -> LoopResult:  # fmt: skip
     train, judge = context.train, context.judge
     geometry, steps = mechanics
     fits = {"before": before[0], "after": after[0]}

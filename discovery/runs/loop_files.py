@@ -25,10 +25,7 @@ from discovery.runs.loop_result import LoopResult
 
 def models_of(result: LoopResult) -> dict[str, Any]:
     """Return the models before and after the loop with all that an export needs, see `discovery.export`."""
-    return {
-        "before": FittedModel.from_fit(result.before).to_dict(),
-        "after": FittedModel.from_fit(result.after).to_dict(),
-    }
+    return {k: FittedModel.from_fit(f).to_dict() for k, f in (("before", result.before), ("after", result.after))}
 
 
 def write_loop(
@@ -72,13 +69,14 @@ def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: Mis
         "scope": "loop",
         "clean": to_clean(dataset, predictions),
     }
-    save_curves(folder, dataset, predictions=predictions, bands=(), posterior=None, discovered=None, elastica=None)
-    if missing is not None:
-        curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
+    save_curves(folder, dataset, predictions, missing=missing)
     write_json(folder / "results.json", content)
 
 
-def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, discovered, elastica) -> None:
+def save_curves(
+    folder: Path, dataset: Dataset, predictions, *, bands=(), posterior=None, discovered=None, elastica=None,
+    missing: MissingForce | None = None,
+) -> None:  # fmt: skip
     """Save what the report draws."""
     curves.save_groups(folder / "trajectories.nc", curves.trajectories(dataset, predictions, bands))
     period = 2 * np.pi * natural_units(dataset.train).time
@@ -93,15 +91,15 @@ def save_curves(folder: Path, dataset: Dataset, predictions, bands, posterior, d
         curves.save_groups(folder / "laws.nc", groups)
     if discovered is not None and discovered.multisine is not None:
         curves.save_groups(folder / "multisine.nc", {"/": curves.lines(discovered.multisine)})
+    if missing is not None:
+        curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
 
 
 def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:
     """Write what the instrument would read before and after the loop, with standard deviations, to prediction.csv.
 
-    The motion begins at a deflection and a rate, in the static equilibrium at rest otherwise. The declared model may
-    blow up beyond the motions that it was fitted to: its columns are empty then, and what is returned says why.
-
-    Raises ComputationError if the final model has no prediction.
+    The motion begins at a deflection and a rate, at rest otherwise. Where the declared model blows up its columns are
+    empty, and what is returned says why; ComputationError if the final model does.
     """
     import pandas as pd
 

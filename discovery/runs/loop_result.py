@@ -10,18 +10,8 @@ import numpy as np
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.units import quoted
-from discovery.diagnosis.caution import (
-    Caution,
-    StandIn,
-    at_edges,
-    burst,
-    like_noise,
-    missed,
-    not_carried,
-    scattered,
-    stand_in,
-    strayed,
-)
+from discovery.diagnosis import caution
+from discovery.diagnosis.caution import Caution, StandIn
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.estimation.bench import Bench
@@ -31,16 +21,13 @@ from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.estimate_text import figures
-from discovery.mechanics import upgrades
+from discovery.mechanics.upgrades import UPGRADES
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
 from discovery.selection.verdict import Named
-
-#: Better bases, and what the step to each is called when the loop finds it.
-UPGRADES = tuple((step.base, name) for name, step in upgrades.UPGRADES.items())
 
 
 @dataclass(frozen=True)
@@ -149,27 +136,27 @@ class LoopResult(LoopViews):
     @property
     def stand_ins(self) -> dict[str, StandIn]:
         """What added effects may stand for, by effect: an error of the rig file would do the same."""
-        found = {effect: stand_in(self.after, effect) for effect in self.added}
+        found = {effect: caution.stand_in(self.after, effect) for effect in self.added}
         return {effect: other for effect, other in found.items() if other is not None}
 
     @property
     def cautions(self) -> list[Caution]:
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
-        off = missed(self.errors, left=error.after, held=error.held, least=error.least)
-        found = [None if self.impossible else off, strayed(self.after)]
+        off = caution.missed(self.errors, left=error.after, held=error.held, least=error.least)
+        found = [None if self.impossible else off, caution.strayed(self.after)]
         if self.added:
-            found.append(not_carried(self.errors))
+            found.append(caution.not_carried(self.errors))
         if not self.complete and not self.impossible:
             noise = float(min(r.noise.min() for r in self.recordings))
             sizes = {"left": error.after, "held": error.held, "noise": noise}
-            alike = like_noise(self.residual_after, error.depends_on, self.errors, **sizes)
-            found.append(burst(self.after) or alike)
+            alike = caution.like_noise(self.residual_after, error.depends_on, self.errors, **sizes)
+            found.append(caution.burst(self.after) or alike)
         # A model error is said, and so is a hold-out that is missed.
         if self.complete and found[0] is None:
-            told = (scattered(self.errors, self._left(trained=t), trained=t) for t in (False, True))
+            told = (caution.scattered(self.errors, self._left(trained=t), trained=t) for t in (False, True))
             found.append(next((c for c in told if c is not None), None))
-        return [*at_edges(self.after, self.added), *(c for c in found if c is not None)]
+        return [*caution.at_edges(self.after, self.added), *(c for c in found if c is not None)]
 
     def _left(self, *, trained: bool) -> list[tuple[Recording, FloatArray]]:
         """Return the recordings that judge, or were fitted, and what the final model leaves: NaN in the other part."""
@@ -197,6 +184,7 @@ class LoopResult(LoopViews):
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
+        lead = self.lead.summary() if self.lead else None
         return {
             "verdict": self.verdict,
             "declared": list(self.declared),
@@ -206,7 +194,7 @@ class LoopResult(LoopViews):
             "model_error": self.model_error.summary(),
             "complete": self.complete,
             "cautions": [c.summary() for c in self.cautions],
-            **({"lead": _lead(self.lead)} if self.lead else {}),
+            **({"lead": {k: lead[k] for k in ("effects", "code", "numbers")}} if lead else {}),
             "contradiction": self.contradiction.summary(),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
@@ -224,7 +212,7 @@ class LoopResult(LoopViews):
     def _described(self, effect: str) -> dict[str, Any]:
         """Return what loop.json holds of an added effect."""
         other = self.stand_ins.get(effect)
-        names = [] if effect in {name for _, name in UPGRADES} else [p.name for p in get_effect(effect).parameters()]
+        names = [] if effect in UPGRADES else [p.name for p in get_effect(effect).parameters()]
         parameters = {n: self._told(n) for n in names if n in self.after.values}
         if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
             # No reading is surer than the ruler.
@@ -241,8 +229,3 @@ class LoopResult(LoopViews):
             "may_stand_for_unknown": found is not None and found.doubtful,
             **({"stands_for": other.summary()} if other else {}),
         }
-
-
-def _lead(refused: Decision) -> dict[str, Any]:
-    """Return a JSON-ready description of what was refused, and why."""
-    return {"effects": list(refused.effects), "code": refused.code, "numbers": dict(refused.numbers)}

@@ -16,7 +16,6 @@ from discovery.foundation.arguments import as_folder, check_seed, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.foundation.progress import Progress, Tell, silent, teller
-from discovery.posterior.draws import Posterior
 from discovery.recordings.dataset import Dataset
 from discovery.results import curves
 from discovery.results.manifest import SAVING, hashes, move_in_place
@@ -150,10 +149,8 @@ def save_failed(out: Path, loop: FailedLoop, *, seed: int = 1, note: str = "") -
 def add_posterior(found: Answer, *, progress: Tell = silent, seconds: float = math.inf) -> dict[str, Any]:
     """Sample the posterior of a run whose answer is saved, study it, save it, and return what results.json holds.
 
-    What is not done after so many seconds, saving left out, is left out, and results.json says so. The chains stay: the
-    same run goes on with them. A limit holds in the main thread only.
-
-    Raises ComputationError if there is no posterior; results.json says why.
+    What is not done after so many seconds is left out; the same run goes on with its chains. A limit holds in the main
+    thread only. ComputationError if there is no posterior; results.json says why.
     """
     done, checkpoint = Sampled(), found.out / "posterior_chains.h5"
     failed = None
@@ -182,7 +179,12 @@ def _sample(found: Answer, done: Sampled, progress: Tell, checkpoint: Path) -> N
         done.reached = told if isinstance(told, Progress) else done.reached
         progress(told)
 
-    posterior = _draws(subject, seed, heard, checkpoint)
+    try:
+        posterior = stages.sampled(subject, seed=seed, progress=heard, backend=checkpoint)
+    except InputError:
+        # The checkpoint is of another run of this folder, interrupted and now overtaken.
+        checkpoint.unlink(missing_ok=True)
+        posterior = stages.sampled(subject, seed=seed, progress=heard, backend=checkpoint)
     study = stages.studied(posterior, subject, found.dataset, seed=seed, progress=progress)
     done.posterior, done.study, done.left_out = posterior, study, _PARTS[1:]
     if not _came_as_far(found.kept, done):
@@ -198,15 +200,12 @@ def _came_as_far(kept: Mapping[str, Any], done: Sampled) -> bool:
 
 
 def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) -> dict[str, Any]:
-    """Save a run with what there is of its posterior, and return the content of results.json.
-
-    The first time, what the folder holds is of another run.
-    """
+    """Save a run with what there is of its posterior, at `first` over another run's, and return its results.json."""
     dataset, posterior, study = found.dataset, done.posterior, done.study
     elastica = stages.predicted(dataset, posterior, seed=found.seed, progress=progress)
     progress("saving results")
     content = {**found.content, **done.summary(found), "elastica": elastica}
-    out, bands = found.out, study.bands if study else ()
+    out = found.out
     # Results of one run belong together: they are written beside and moved in place when all are there.
     # An interrupted command beside this one may have removed the folder while it was empty.
     out.mkdir(parents=True, exist_ok=True)
@@ -216,30 +215,11 @@ def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) 
             posterior.to_netcdf(beside / "posterior.nc", dataset)
         if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
-        save_curves(
-            beside,
-            dataset,
-            predictions=found.predictions,
-            bands=bands,
-            posterior=posterior,
-            discovered=found.discovered,
-            elastica=elastica,
-        )
-        if found.missing is not None:
-            curves.save_groups(beside / "force.nc", curves.forces(found.missing.forces))
+        drawn = {"bands": study.bands if study else (), "posterior": posterior, "elastica": elastica}
+        save_curves(beside, dataset, found.predictions, discovered=found.discovered, missing=found.missing, **drawn)
         write_loop(beside, found.loop, alone=False)
         files = hashes(beside, sorted(path.name for path in beside.iterdir()))
         content["provenance"] = {**content["provenance"], "files": files}
         write_json(beside / "results.json", content)
         move_in_place(beside, out, same_answer=not first)
     return content
-
-
-def _draws(subject: Fit, seed: int, progress: Tell, checkpoint: Path) -> Posterior:
-    """Return the posterior of a fit, continued from a checkpoint of the same run where one is there."""
-    try:
-        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint)
-    except InputError:
-        # The checkpoint is of another run of this folder, interrupted and now overtaken.
-        checkpoint.unlink(missing_ok=True)
-        return stages.sampled(subject, seed=seed, progress=progress, backend=checkpoint)

@@ -36,10 +36,7 @@ class Died(Exception):
 
 
 class Pool:
-    """Processes that do one piece of work each at a time; one is started where none waits for work.
-
-    At most so many work at once. The environment holds variables of theirs, beside those of this process.
-    """
+    """At most so many processes, each at one piece of work, with variables of their environment; started as needed."""
 
     def __init__(self, size: int, environment: dict[str, str]) -> None:
         self._size, self._environment = size, environment
@@ -62,10 +59,7 @@ class Pool:
         self._busy[pipe] = key, process
 
     def next(self) -> tuple[Any, Callable[[], Any]]:
-        """Return the key of the work that is done next, and a function that returns its result.
-
-        That function raises what the work raised, or `Died`.
-        """
+        """Return the key of the work that ends next, and what returns its result, or raises its error or `Died`."""
         ready = wait(list(self._busy))[0]
         assert isinstance(ready, Connection)
         key, process = self._busy.pop(ready)
@@ -85,7 +79,7 @@ class Pool:
 
         return key, returned
 
-    def end(self) -> None:
+    def close(self) -> None:
         """End every process, whatever it is at."""
         every = [*self._idle, *((process, pipe) for pipe, (_, process) in self._busy.items())]
         for process, pipe in every:
@@ -100,16 +94,6 @@ class Pool:
         process.start()
         theirs.close()
         return process, ours
-
-
-@contextmanager
-def pool(size: int, environment: dict[str, str]) -> Iterator[Pool]:
-    """Yield a `Pool`, all of whose processes end with the block."""
-    made = Pool(size, environment)
-    try:
-        yield made
-    finally:
-        made.end()
 
 
 def _serve(pipe: Connection, environment: dict[str, str]) -> None:
@@ -216,10 +200,7 @@ class TimeIsUp(KeyboardInterrupt):
 
 @contextmanager
 def time_limit(seconds: float = math.inf) -> Iterator[None]:
-    """Interrupt what is done in a context after some seconds; only in the main thread, where they are finite.
-
-    Raises TimeIsUp when the time is over; at once where there is none.
-    """
+    """Interrupt what is done in a context by TimeIsUp after some seconds; finite ones in the main thread only."""
     if seconds <= 0:
         raise TimeIsUp
     if math.isinf(seconds):

@@ -50,12 +50,7 @@ class Discovered:
 
         found = {
             "terms": e.summary(),
-            "status": e.status,
-            "at_rest": e.at_rest,
-            "threshold": e.threshold,
-            "noise_ratio": e.noise_ratio,
-            "stretches": e.stretches,
-            "resamples": e.resamples,
+            **{k: getattr(e, k) for k in ("status", "at_rest", "threshold", "noise_ratio", "stretches", "resamples")},
             "smoothers": [asdict(x) for x in e.smoothers],
             "inclusion": e.inclusion,
             "equation": described(e.equation),

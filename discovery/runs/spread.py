@@ -11,12 +11,12 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from itertools import count, islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 from discovery.foundation.errors import ComputationError, InputError
-from discovery.runs.processes import _GRACE, Died, Outcome, Work, attempt, case_seed, pool
+from discovery.runs.processes import _GRACE, Died, Outcome, Pool, Work, attempt, case_seed
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -42,42 +42,20 @@ def spread(
     limit: float | None = None,
     heard: Callable[[str], object] | None = None,
 ) -> Iterator[Outcome]:
-    """Do cases on several processes, or on a cluster, and yield the outcome of each as it is done.
+    """Do cases on several processes, or on a cluster, and yield the `Outcome` of each as it ends, failed ones too.
 
-    Cases are taken from `cases` as workers become free, so neither they nor the outcomes pile up in this process. The
-    processes import the calling script: it must do its work under ``if __name__ == "__main__"``.
+    The work is called with what a case needs and its seed (see `case_seed`), and returns what JSON can hold; it and the
+    cases must be picklable. Cases are taken as workers become free, so neither they nor the outcomes pile up here. The
+    processes, `workers` of one thread each, import the calling script: it must do its work under
+    ``if __name__ == "__main__"``. A single one is this process.
 
-    Parameters
-    ----------
-    work : callable
-        Called with what a case needs and its seed, returns what JSON can hold. It and the cases must be picklable.
-    cases : iterable of (str, object)
-        Name, and what its work needs.
-    seed : int
-        Common seed, see `case_seed`.
-    workers : int
-        Processes on this machine, one thread each; a single one is this process.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers are used instead, for example ``"tcp://host:8786"``; by default the
-        environment variable ``DISCOVERY_SCHEDULER``. Without one, nothing listens on any port.
-    insecure : bool
-        Accept a scheduler of another machine without TLS, through which others of its network can run code.
-    limit : float, optional
-        Seconds that a case may take. A worker whose work does not heed them is ended; this process is not.
-    heard : callable, optional
-        Receives the address of the cluster's dashboard, where it has one.
+    With the address of a Dask `scheduler`, such as ``"tcp://host:8786"``, by default that in ``DISCOVERY_SCHEDULER``,
+    its workers are used instead, and `heard` receives the address of its dashboard, if any. One of another machine
+    without TLS, through which others of its network can run code, is used if `insecure`. Without one nothing listens on
+    any port. A case may take `limit` seconds; a worker whose work does not heed them is ended, but not this process.
 
-    Yields
-    ------
-    Outcome
-        In the order in which they end. A case that raises, exceeds its limit or takes its process down is one, too.
-
-    Raises
-    ------
-    InputError
-        If there is no scheduler at that address, no worker, or others could run code through it.
-    ComputationError
-        If a cluster has lost its last worker, and no other comes.
+    InputError if there is no scheduler at that address, no worker, or others could run code through it;
+    ComputationError if a cluster has lost its last worker, and no other comes.
     """
     address = scheduler or os.environ.get(SCHEDULER)
     if address is None and workers == 1:
@@ -152,13 +130,11 @@ class _Cluster:
             time.sleep(_LOOK)
 
 
-@contextmanager
-def _here(workers: int) -> Iterator[_Crew]:
-    """Yield processes on this machine."""
+def _here(workers: int) -> AbstractContextManager[_Crew]:
+    """Return processes on this machine, all of which end with the block."""
     # The processes share the processors; each would else simulate on all of them.
     threads = max(1, (os.cpu_count() or 1) // workers)
-    with pool(workers, {"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}) as made:
-        yield made
+    return closing(Pool(workers, {"DISCOVERY_THREADS": os.environ.get("DISCOVERY_THREADS", str(threads))}))
 
 
 def _is_safe(address: str) -> bool:
@@ -237,11 +213,9 @@ def _stream(
 
 
 def _ended(
-    crew: _Crew,
-    running: dict[int, tuple[str, Any, int, float]],
-    submit: Callable[[str, Any, int], None],
+    crew: _Crew, running: dict[int, tuple[str, Any, int, float]], submit: Callable[[str, Any, int], None],
     limit: float | None,
-) -> Outcome | None:
+) -> Outcome | None:  # fmt: skip
     """Return the outcome of the case that ends next, None where its worker died and it is tried again."""
     key, returned = crew.next()
     name, case, tries, start = running.pop(key)

@@ -58,10 +58,7 @@ class Fits:
 
 
 def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
-    """Fit the declared model to the training recordings, and the linear one where the system has a rest position.
-
-    A simpler model that blows up is left out.
-    """
+    """Fit the declared model to the training recordings, and simpler ones: those that blow up are left out."""
     train = dataset.train
     units = natural_units(train)
     declared = declared_model(train[0])
@@ -152,13 +149,7 @@ def predicted(dataset: Dataset, posterior, *, seed: int = 1, progress: Tell = si
     from discovery.theory.prediction import predict
 
     rig = dataset.rig
-    if (
-        not System.of(rig.kind).has_rod
-        or rig.flexural_rigidity is None
-        or rig.tip_mass is None
-        or rig.length is None
-        or rig.beam_mass is None
-    ):
+    if not System.of(rig.kind).has_rod or None in (rig.flexural_rigidity, rig.tip_mass, rig.length, rig.beam_mass):
         return None
     progress("checking against the elastica")
     rng = np.random.default_rng(stage_seed(seed, "elastica"))
@@ -185,10 +176,7 @@ def loop(dataset: Dataset, *, seed: int = 1, follow_up: bool = True, progress: T
 
 
 def scored(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> dict[str, Any]:
-    """Return the errors before and after on every recording that neither a fit nor a decision has seen, by its name.
-
-    Nothing of these recordings is fitted but their initial states.
-    """
+    """Return the errors before and after on every test recording by its name, nothing fitted but initial states."""
     found: dict[str, Any] = {}
     for e in dataset.test:
         progress(f"scoring {e.recording.name}")

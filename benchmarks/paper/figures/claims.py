@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.paper.figures.look import DASHED
 from discovery.report.numbers import significant
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import BLUE, GREEN, ORANGE, RED, Picture, new_figure, plain_log
 from discovery.report.words import listed
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.paper.figures.look import STRETCHES, FloatArray, beside, curve, envelope, polar
 from discovery.report.numbers import significant
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import Picture, label, new_figure, plain_log
 
 

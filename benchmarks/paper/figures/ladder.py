@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.paper.figures.look import DASHED, marks
 from benchmarks.paper.stand import POSITION_NOISE
 from discovery.report.numbers import significant
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import BLUE, GREEN, GREY, RED, Picture, new_figure, plain_log
 
 if TYPE_CHECKING:

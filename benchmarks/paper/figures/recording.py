@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from benchmarks.paper.figures.look import FloatArray, beside, polar
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import BLUE, Picture, decimate, new_figure
 
 _RECORDED: dict[str, Any] = {"color": "black", "linewidth": 0.8}

@@ -12,7 +12,7 @@ from discovery_datasets.twin import PAPER_RIG
 from benchmarks.paper.figures.look import marks
 from benchmarks.paper.stand import DURATION, SPEED
 from discovery.report.numbers import significant
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import GREY, Picture, new_figure
 from discovery.report.words import listed
 

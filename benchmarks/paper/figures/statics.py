@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.paper.theory.elastica.beam import shape_under_load
 from benchmarks.paper.theory.elastica.small_deflection import small_deflection_shape
-from discovery.report.paper import paper_numbers
+from discovery.report.references import paper_numbers
 from discovery.report.style import BLUE, GREY, ORANGE, RED, Picture, new_figure
 from discovery.theory.elastica.static_law import SMALL_DEFLECTION, perpendicular_law
 

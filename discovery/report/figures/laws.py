@@ -31,7 +31,7 @@ def _spring(laws: Any) -> Picture:
     figure, (top, bottom), reach = _panels(laws, "spring", laws["delta"].to_numpy(), curves)
     top.set_ylabel("spring law [rad]")
     bottom.set_ylabel("minus δ [rad]")
-    _legend(figure, top)
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return Picture(
         "spring_law",
         figure,
@@ -50,7 +50,7 @@ def _radius(laws: Any, measured: Any) -> Picture:
         top.plot(abs(measured["delta"].to_numpy()), measured["rho"].to_numpy(), ".", zorder=1.9, **points)
     top.set_ylabel("radius ρ/l [–]")
     bottom.set_ylabel("minus elastica [–]")
-    _legend(figure, top, markerscale=3)
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=3)
     return Picture(
         "radius_law",
         figure,
@@ -75,7 +75,3 @@ def _panels(laws: Any, law: str, taken_off: Any, curves: list[tuple[Any, dict[st
         axis.axvspan(reach, delta[-1], color="#EEEEEE", zorder=0)
     axes[1].set_xlabel("deflection δ [rad]")
     return figure, axes, reach
-
-
-def _legend(figure: Any, axis: Any, **style: Any) -> None:
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2, **style)

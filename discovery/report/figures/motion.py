@@ -1,12 +1,18 @@
-"""What was recorded: the motion of one recording, and the deflection of all."""
+"""What was recorded: signals in time, the motion in its plane, its decay, and the lines of a multisine."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from discovery.foundation.arrays import FloatArray
+from discovery.foundation.sampling import median_step
+from discovery.report import style
 from discovery.report.numbers import Scale, scale_for, unit_text
-from discovery.report.results import Run, Trajectory
-from discovery.report.style import BLUE, GREY, RED, Picture, decimate, new_figure, side_label, verbatim
+from discovery.report.results import MODELS, Run, Trajectory
+from discovery.report.style import Picture, decimate, label, new_figure, side_label, verbatim
+from discovery.report.words import deflection_unit, sentence
 
 _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_deflection": "tip deflection"}
 
@@ -27,7 +33,7 @@ def _largest(trajectory: Trajectory) -> float:
     return 0.0 if trajectory.deflection is None else float(np.nanmax(np.abs(trajectory.deflection)))
 
 
-def draw(run: Run) -> Picture | None:
+def draw_motion(run: Run) -> Picture | None:
     """Return input and channels of the training recording with the largest deflection."""
     train = [t for t in run.trajectories if t.role == "train"]
     if not train:
@@ -41,18 +47,14 @@ def draw(run: Run) -> Picture | None:
         axis.plot(*decimate(shown.time, values * scale.factor), color="black", linewidth=0.8)
         axis.set_ylabel(side_label(channel_name(run, channel), scale.symbol))
     if shown.input is not None:
-        axes[-1].plot(*decimate(shown.time, shown.input), color=BLUE, linewidth=0.9)
+        axes[-1].plot(*decimate(shown.time, shown.input), color=style.BLUE, linewidth=0.9)
         axes[-1].set_ylabel(side_label("motor angle" if run.system.has_rod else run.input_name, run.input_unit))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
     driven = f" and {run.input_name}" if shown.input is not None else ""
     what = "tip position and motor angle" if run.system.has_rod else f"{run.output_name}{driven}"
-    return Picture(
-        "motion",
-        figure,
-        f"Measured: {what} of {shown.name}.",
-        f"Time series of {what} of recording {shown.name}.",
-    )
+    caption = f"Measured: {what} of {shown.name}."
+    return Picture("motion", figure, caption, f"Time series of {what} of recording {shown.name}.")
 
 
 def draw_deflections(run: Run) -> Picture | None:
@@ -65,18 +67,125 @@ def draw_deflections(run: Run) -> Picture | None:
     for axis, trajectory in zip(axes, shown, strict=True):
         assert trajectory.deflection is not None
         role = "training" if trajectory.role == "train" else "held out"
-        axis.plot(
-            *decimate(trajectory.time, trajectory.deflection),
-            color="black" if role == "training" else RED,
-            linewidth=0.8,
-        )
-        axis.set_title(f"{verbatim(trajectory.name)} ({role})", fontsize=8.5, color=GREY)
+        colour = "black" if role == "training" else style.RED
+        axis.plot(*decimate(trajectory.time, trajectory.deflection), color=colour, linewidth=0.8)
+        axis.set_title(f"{verbatim(trajectory.name)} ({role})", fontsize=8.5, color=style.GREY)
     figure.supylabel("deflection [rad]", fontsize=9)
     axes[-1].set_xlabel("time [s]")
     sizes = ", ".join(f"{t.name} {_largest(t):.2f} rad" for t in shown)
-    return Picture(
-        "deflections",
-        figure,
-        f"Deflection of the tip in every recording. Largest: {sizes}.",
-        f"Deflection against time of {len(shown)} recordings. Largest: {sizes}.",
+    alt = f"Deflection against time of {len(shown)} recordings. Largest: {sizes}."
+    return Picture("deflections", figure, f"Deflection of the tip in every recording. Largest: {sizes}.", alt)
+
+
+#: Swings of a recording that are drawn: more would fill the plane.
+_SWINGS = 6
+
+
+def main_period(time: FloatArray, values: FloatArray) -> float:
+    """Return the period of the strongest line of a motion [s]."""
+    even = np.linspace(time[0], time[-1], time.size)
+    good = np.isfinite(values)
+    filled = np.interp(even, time[good], values[good])
+    power = np.abs(np.fft.rfft(filled - filled.mean())) ** 2
+    power[0] = 0.0
+    return float((time[-1] - time[0]) / max(1, int(np.argmax(power))))
+
+
+def _rate(time: FloatArray, values: FloatArray, period: float) -> FloatArray:
+    """Return the slope of straight lines over a twelfth of a period, for drawing only."""
+    half = max(1, round(period / 24 / median_step(time)))
+    slope = np.full(values.shape, np.nan)
+    slope[half:-half] = (values[2 * half :] - values[: -2 * half]) / (time[2 * half :] - time[: -2 * half])
+    return slope
+
+
+def _portrait(trajectory: Trajectory, model: str, period: float) -> tuple[FloatArray, FloatArray] | None:
+    values = trajectory.deflection if model == "measured" else trajectory.deflection_of(model)
+    if values is None:
+        return None
+    stop = int(np.searchsorted(trajectory.time, trajectory.time[0] + _SWINGS * period))
+    return values[:stop], _rate(trajectory.time, values, period)[:stop]
+
+
+def draw_phase(run: Run) -> Picture | None:
+    """Return the portrait of the first held-out recording, or of the first one."""
+    candidates = [t for t in (*run.held_out, *run.trajectories) if t.deflection is not None]
+    if not candidates or not run.reads_coordinate:
+        return None
+    shown = candidates[0]
+    assert shown.deflection is not None
+    period = main_period(shown.time, shown.deflection)
+    figure = new_figure(3.8)
+    axes = figure.subplots()
+    for model in ("measured", "after"):
+        portrait = _portrait(shown, model, period) if model == "measured" or model in shown.models else None
+        if portrait is not None:
+            look = {**style.LINES[model], "linewidth": 0.8}
+            axes.plot(*portrait, **look)
+    unit, what = run.coordinate_unit, "deflection" if run.system.has_rod else run.output_name
+    axes.set(xlabel=label(what, unit), ylabel=label("its rate", f"{unit}/s"))
+    figure.legend(loc="outside upper left", ncols=2)
+    caption = f"Phase portrait of {shown.name}, first {min(_SWINGS * period, shown.time[-1] - shown.time[0]):.3g} s."
+    alt = f"{sentence(what)} of {shown.name} against its rate: loops, measured and by the final model."
+    return Picture("phase", figure, caption, alt, raster=True)
+
+
+def draw_amplitude(run: Run) -> Picture | None:
+    """Return the figure; None where no recording holds a free decay."""
+    curves = {name: data for name in ("measured", *MODELS) if (data := run.open("amplitude.nc", name)) is not None}
+    if "measured" not in curves:
+        return None
+    figure = new_figure(4.2)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    for name, data in curves.items():
+        order = np.argsort(data["amplitude"].to_numpy())
+        look = {**style.LINES[name], "markersize": 5} if name == "measured" else style.LINES[name]
+        for axis, variable in ((top, "frequency"), (bottom, "damping")):
+            axis.plot(data["amplitude"].to_numpy()[order], data[variable].to_numpy()[order], **look)
+    top.set_ylabel(label("frequency", "Hz"))
+    bottom.set(ylabel=label("decay rate", "1/s"), xlabel=label("amplitude", deflection_unit(run)))
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    recording = curves["measured"].attrs.get("recording", "a recording")
+    caption = (
+        f"Frequency and decay rate of the energy against amplitude in the free decay of {recording}, swing by swing."
     )
+    alt = "Two panels: frequency and decay rate against amplitude, measured points and a line for each model."
+    return Picture("amplitude", figure, caption, alt)
+
+
+_LOOK = {
+    "excited": (style.BLUE, "o", "excited lines"),
+    "odd": (style.RED, "s", "odd lines, not excited"),
+    "even": (style.ORANGE, "^", "even lines, not excited"),
+    "outside": (style.SKY, ".", "outside the band"),
+}
+_MOST = 1500
+
+
+def draw_multisine(run: Run) -> Picture | None:
+    """Return the level of every line by class, over the noise; None where the input was no multisine."""
+    lines = run.open("multisine.nc")
+    if lines is None:
+        return None
+    frequency, level, noise = (lines[n].to_numpy() for n in ("frequency", "output", "noise"))
+    kinds = lines["line_class"].to_numpy().astype(str)
+    unit = str((run.results.get("multisine") or {}).get("unit", ""))
+    scale = scale_for(unit, float(np.nanmax(level)))
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    for kind, (colour, marker, name) in _LOOK.items():
+        here = np.flatnonzero(kinds == kind)
+        here = here[:: max(1, here.size // _MOST)]
+        if here.size:
+            look: Any = {"color": colour, "markersize": 2.5, "label": name, "rasterized": True}
+            axes.plot(frequency[here], level[here] * scale.factor, marker, **look)
+    if np.isfinite(noise).any():
+        axes.plot(frequency, noise * scale.factor, **style.MARK, label="noise")
+    axes.set(yscale="log", xlabel="frequency [Hz]", ylabel=label("output level, rms of a line", scale.symbol))
+    figure.legend(loc="outside upper left", ncols=2, markerscale=2.5)
+    caption = (
+        "Output at every line of the multisine. What stands above the noise on lines that were not excited is "
+        "distortion."
+    )
+    alt = "Level of the output against frequency at excited, odd unexcited and even unexcited lines, with the noise."
+    return Picture("multisine", figure, caption, alt)

@@ -1,9 +1,15 @@
-"""What follows an answer: its values against the rig, and manoeuvres between what it cannot tell apart."""
+"""What a loop does around its search: declared effects sought as candidates are, and what follows the answer.
+
+Before it the declared model is fitted in units of the recorded force. After it, values are tested against the rig, and
+manoeuvres are designed between what the recordings cannot tell apart.
+
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,9 +18,47 @@ from discovery.diagnosis.contradiction import ContradictionReport, check_contrad
 from discovery.diagnosis.separation import Separation, separate
 from discovery.estimation.fit import Fit, fit_near
 from discovery.foundation.errors import ComputationError, InputError
+from discovery.screening.attribution import screen
+from discovery.screening.finite import finite_starts
+from discovery.screening.refits import Refit, finish, held_fixed, refit, relaxed
 from discovery.selection.context import Context
 from discovery.selection.search import Search
 from discovery.selection.verdict import Named
+
+
+def in_its_units(found: Fit, context: Context, whole: Context) -> tuple[Fit, Context, Context]:
+    """Return the first fit and the contexts of a search in units that know the size of the recorded force by it."""
+    units = found.problem.units.pushed(found.values.get(found.model.mechanics.gain, 0.0))
+    fit, known = replace(found, problem=replace(found.problem, units=units)), replace(context, units=units)
+    return fit, known, known if whole is context else replace(whole, units=units)
+
+
+def sought(found: Fit, context: Context) -> Fit:
+    """Return the fit of a declared model from the best start of each of its declared effects that have several.
+
+    Each is taken out, screened beside the others and refitted from all of its starts: a frequency or a number of teeth
+    has many minima. The fit changes where that gains as many nats as a candidate must.
+    """
+    declared = [e for e in found.model.effects if e in context.train[0].rig.declared]
+    for effect in (e for e in declared if any(p.shape and len(p.starts) > 1 for p in get_effect(e).parameters())):
+        best = _again(found, effect)
+        if best is not None and best.chi2 < found.chi2 - 2 * context.settings.nats:
+            again = context.fit(found.model, best.values, found.problem.gaussian)
+            found = again if again.chi2 < found.chi2 else found
+    return found
+
+
+def _again(found: Fit, effect: str) -> Refit | None:
+    """Return the best refit of an effect beside the others; None where nothing is finite."""
+    without = relaxed(Refit(effect, found.problem, found.minimum), [effect])
+    if not np.isfinite(without.chi2):
+        return None
+    problem, minimum = held_fixed(without.problem, without.minimum)
+    names = [effect]
+    scored = screen(minimum, problem, names)
+    quick = refit(minimum, problem, scored, finite=finite_starts(minimum, problem, names))
+    return next(iter(finish(without.problem, without.minimum, quick)), None)
+
 
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.
 _DESIGNS, _LONG, _FEWEST = 100, 6_000, 20
@@ -58,8 +102,7 @@ def separations(search: Search, found: Mapping[str, Named], context: Context) ->
 def told_apart(effect: str, group: Sequence[str]) -> list[str]:
     """Return the rivals that a manoeuvre should tell from an effect and from each other.
 
-    Where a law contains another, no manoeuvre tells them apart unless the readings did: that is asked where there is no
-    other rival.
+    Where a law contains another only the readings can: that is asked where there is no other rival.
     """
     chosen = [effect]
     for rival in group:
