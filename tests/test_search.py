@@ -134,8 +134,9 @@ def test_what_was_refused_and_is_named_since_is_no_lead(monkeypatch: pytest.Monk
 def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatch: pytest.MonkeyPatch) -> None:
     search = searched(beta=1.0, f_c=0.02)
 
-    def told(action: str, effect: str, odds: float, *, accepted: bool = False) -> Decision:
-        return Decision(action, (effect,), accepted, "size", {"train": 90.0, "held": 90.0, "odds": odds})
+    def told(action: str, *effects: str | float, accepted: bool = False) -> Decision:
+        *names, odds = effects
+        return Decision(action, tuple(map(str, names)), accepted, "size", {"train": 90.0, "held": 90.0, "odds": odds})
 
     added = told("add", search.best.added[-1], 60.0, accepted=True)
     before, weak, strong = (told("add", f"effect {odds}", odds) for odds in (50.0, 0.1, 2.0))
@@ -143,6 +144,10 @@ def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatc
         ([before, added, strong, weak, told("stop", "", 70.0, accepted=True)], strong),
         ([before, added, weak, out := told("remove", "taken out", 1.0, accepted=True)], out),
         ([before, added], before),
+        # A pair that is as likely as one of its members says nothing of the other.
+        ([added, one := told("add", "one", 1.5), told("add", "two", 0.3), told("add", "one", "two", 1.6)], one),
+        ([added, told("add", "one", 1.5), told("add", "two", 0.3), both := told("add", "one", "two", 9.0)], both),
+        ([one, added, pair := told("add", "one", "two", 1.6)], pair),
     ):
         monkeypatch.setattr(search, "decisions", decisions)
         lead = strongest_lead(search)

@@ -109,11 +109,19 @@ def named(search: Search) -> list[Named]:
 
 
 def strongest_lead(search: Search) -> Decision | None:
-    """Return what was refused beside the set found, or taken out of it, with the highest odds; None without any."""
+    """Return what was refused beside the set found, or taken out of it, with the highest odds; None without any.
+
+    Of a pair, a member with odds that are as good as those of both is told alone.
+    """
     told, changes = search.decisions, ("add", "exchange", "mechanics")
     made = max((i for i, d in enumerate(told) if d.accepted and d.action in changes), default=-1)
     weighed = (i for i, d in enumerate(told) if d.accepted == (d.action == "remove") and d.numbers.get("train", 0) > 0)
     left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
     # What was refused before the last change was refused beside another set.
-    best = max(left, key=lambda i: (i > made, told[i].numbers["odds"]), default=None)
-    return None if best is None else told[best]
+    odds = {i: told[i].numbers["odds"] for i in left}
+    best = max(left, key=lambda i: (i > made, odds[i]), default=None)
+    if best is None:
+        return None
+    near = [i for i in left if (i > made) == (best > made) and odds[i] > odds[best] - search.context.settings.nats]
+    smaller = [i for i in near if {*told[i].effects} < {*told[best].effects}]
+    return told[max(smaller, key=lambda i: odds[i], default=best)]
