@@ -16,7 +16,7 @@ from discovery.screening.refits import finish
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
-from discovery.selection.final import finished
+from discovery.selection.final import finished, settled
 from discovery.selection.odds import Odds, _against, odds_of
 from discovery.selection.offers import Offers
 from discovery.selection.search import Search
@@ -159,7 +159,7 @@ def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatc
 
 def test_estimates_have_the_truth_within_their_intervals() -> None:
     search = searched(beta=1.0, f_c=0.02)
-    fitted, again = finished(search.best, search.context)
+    fitted, again = finished(settled(search.best, search.context), search.context)
     for name, value in (("beta", 1.0), ("f_c", 0.02), ("alpha", 9.0), ("xi", 0.08)):
         assert abs(fitted.values[name] - value) < 4 * fitted.sd[name]
     assert again.joint == pytest.approx(search.best.joint, abs=20)
@@ -189,7 +189,7 @@ def test_a_law_that_its_last_fit_reduces_gives_way_to_what_it_contains(effects: 
     search = begun(shared)
     larger = {"coulomb_friction": "stribeck_friction"}.get(left, left)
     search.best = next(c for c in search.offers.beside(search.root) if c.added == (larger,))
-    _, last = finished(search.best, shared)
+    _, last = finished(settled(search.best, shared), shared)
     found = search.simplified(last)
     assert found.added == (left,)
     assert (found is last) == (larger == left)

@@ -129,18 +129,22 @@ def _score_covariance(jacobian: FloatArray, residual: FloatArray, problem: Probl
 def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> float:
     """Return the largest shift of the minimum against a solve with half the step, in standard deviations.
 
-    Where the steps do not resolve the slopes of the readings, it is the largest that their change allows.
+    It is that of the generalised estimate under the model error of the problem. Where the steps do not resolve the
+    slopes of the readings, it is the largest that their change allows.
     """
     known = np.isfinite(np.diag(covariance))
     if not known.any():
         return float("nan")
     halved = half_step(problem, minimum, np.sqrt(np.diag(covariance)))
+    rows = halved.change.size
+    change = problem.whitened(halved.change[:, None])[:, 0]
     if not halved.resolves_slopes:
-        return float(np.linalg.norm(halved.change))
+        return float(np.linalg.norm(change))
+    slopes = minimum.jacobian[:, known].copy()
+    slopes[:rows] = problem.whitened(slopes[:rows])
     # What is known beside the recordings does not move.
-    push = np.zeros(len(minimum.jacobian))
-    push[: halved.change.size] = -halved.change
-    step, *_ = np.linalg.lstsq(minimum.jacobian[:, known], push, rcond=None)
+    push = np.append(-change, np.zeros(len(slopes) - rows))
+    step, *_ = np.linalg.lstsq(slopes, push, rcond=None)
     return float(np.max(np.abs(step) / np.sqrt(np.diag(covariance)[known])))
 
 

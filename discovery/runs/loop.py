@@ -34,7 +34,7 @@ from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
-from discovery.selection.final import finished
+from discovery.selection.final import finished, settled
 from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
 from discovery.selection.verdict import Named, is_complete, least_error, named, strongest_lead, verdict_of
@@ -147,16 +147,17 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
         with course.searching(search.offers, context.settings.budget.offers):
             search.run()
     best, geometry, steps = _on_best_mechanics(before, search, context)
-    after, last = finished(best, context)
+    last = settled(best, context)
     if best is search.best and (simpler := search.simplified(last)) is not last:
-        after, last = finished(simpler, context)
+        last = settled(simpler, context)
+    after, last = finished(last, context)
     found = {n.effect: n for n in named(search)}
     after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)
     if (after.model.base, after.model.effects) == (before.model.base, before.model.effects):
         before, first = after, last  # one model has one estimate
     elif (first := _declared(before, context)).chi2 < before.chi2:
-        before, first = finished(first, context)
+        before, first = finished(settled(first, context), context)
     contradiction = contradiction_of(after, search, context, complete=complete)
     manoeuvres = separations(search, found, context)
     if whole is not context:

@@ -10,6 +10,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.covariance import covariance_of, solver_shift
 from discovery.estimation.fit import SHIFT, Fit
 from discovery.estimation.generalised import generalised
+from discovery.estimation.model_error import ModelError
 from discovery.estimation.problem import Problem
 from discovery.estimation.step_control import tightened
 from discovery.selection.contender import Contender, contenders
@@ -33,20 +34,26 @@ def on_mechanics(contender: Contender, base: str, context: Context) -> Contender
     return contenders(context, [(contender.added, replace(contender.refit, problem=other, minimum=minimum))])[0]
 
 
-def finished(contender: Contender, context: Context) -> tuple[Fit, Contender]:
-    """Return the fit of a set, what its laws hold by convention free, and the contender there.
-
-    Estimates are those of generalised least squares under the model error; intervals those of its posterior.
-    """
+def settled(contender: Contender, context: Context) -> Contender:
+    """Return a set at the estimates of generalised least squares, what its laws hold by convention free."""
     problem = contender.refit.problem
-    free = replace(problem, gaussian={**problem.gaussian, **context.conventions(problem.model)})
-    found = _settled(contender, free, context)
+    return _settled(
+        contender, replace(problem, gaussian={**problem.gaussian, **context.conventions(problem.model)}), context
+    )
+
+
+def finished(found: Contender, context: Context) -> tuple[Fit, Contender]:
+    """Return the fit of a settled set, on steps that shift no estimate, and the set there.
+
+    Intervals are those of the posterior under the model error.
+    """
+    problem = found.refit.problem
     fitted = _fit(found)
     for _ in range(_FINER):
         bench = tightened(found.refit.problem.bench, fitted.solver_shift, SHIFT)
         if bench is None:
             break
-        closer = _settled(found, replace(free, bench=bench), context)
+        closer = _settled(found, replace(problem, bench=bench), context)
         again = _fit(closer)
         if not again.solver_shift < fitted.solver_shift:
             break
@@ -69,4 +76,5 @@ def _fit(contender: Contender) -> Fit:
     covariance = contender.evidence.covariance.copy()
     lost = [problem.names.index(n) for n in reasons]
     covariance[lost, :] = covariance[:, lost] = np.nan
-    return Fit(problem, minimum, covariance, reasons, directions, solver_shift(problem, minimum, covariance))
+    weighted = replace(problem, error=ModelError.of(contender.error_size, problem.units.time))
+    return Fit(problem, minimum, covariance, reasons, directions, solver_shift(weighted, minimum, covariance))
