@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.estimation.holdout import HoldOut
 from discovery.screening.refits import finish
+from discovery.selection import linearise
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
@@ -64,6 +66,20 @@ def test_two_effects_are_both_found_and_nothing_else(effects: dict[str, float]) 
     for name, value in effects.items():
         assert search.best.refit.values[name] == pytest.approx(value, rel=0.1)
     assert is_complete(search.best, search.root, search.context)
+
+
+def test_a_set_that_blows_up_held_out_predicts_as_well_as_a_constant(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = begun(context())
+    known, held = search.root.evidence, linearise._on_held
+
+    def blown(*given: Any) -> list[Any]:
+        return [([np.full_like(c, np.inf) for c in columns], widths) for columns, widths in held(*given)]
+
+    monkeypatch.setattr(linearise, "_on_held", blown)
+    (again,) = contenders(search.context, [((), search.root.refit)])
+    assert again.evidence.train == pytest.approx(known.train, abs=1e-6)
+    assert again.evidence.held == pytest.approx(sum(search.context.constant_scores), abs=1e-6)
+    assert again.evidence.held < known.held - 100
 
 
 def test_each_named_effect_has_odds_and_a_probability() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.least_squares import Minimum
+from discovery.estimation.model_error import Channel
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import errors
@@ -124,13 +126,6 @@ class HoldOut:
         variances = [np.sum(np.square(r.noise)) for r in recordings]
         return float(np.sqrt(np.average(variances, weights=[r.time.size for r in recordings])))
 
-    @property
-    def scatter(self) -> float:
-        """Rms distance of what decides from the mean of each recording, in the unit of the output."""
-        whole = [e.recording.output[present.all(axis=1)] for e, present in self.parts()]
-        squares = [np.square(part - part.mean(axis=0)).sum(axis=1) for part in whole if part.size]
-        return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
-
     def outputs(self) -> list[FloatArray]:
         """Return measured outputs, NaN where a sample was fitted."""
         found = []
@@ -153,6 +148,23 @@ class HoldOut:
         some = self.train if self.continued else self.deciding()
         found = [(e, np.isfinite(e.recording.output) & ~(self.continued & (e.weights() > 0))) for e in some]
         return [(e, present) for e, present in found if present.any()]
+
+    @cached_property
+    def constants(self) -> list[list[Channel]]:
+        """Return what the mean of each channel leaves of every recording that decides, one column each [noise sds]."""
+        found = []
+        for e, present in self.parts():
+            read = (e.recording.output / e.recording.scatter)[:, :, None]
+            channels = Channel.each(e.recording.time, read, present)
+            found.append([replace(c, columns=c.columns - c.columns.mean()) for c in channels])
+        return found
+
+    @property
+    def scatter(self) -> float:
+        """Rms distance of what decides from the mean of each recording, in the unit of the output."""
+        whole = [e.recording.output[present.all(axis=1)] for e, present in self.parts()]
+        squares = [np.square(part - part.mean(axis=0)).sum(axis=1) for part in whole if part.size]
+        return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
 
     def held(self, fit: Fit, on_train: list[FloatArray]) -> list[FloatArray]:
         """Return a fit's predictions of the held-out recordings, from those of the training recordings."""

@@ -196,13 +196,13 @@ def evidence_of(problem: Linearised) -> Evidence:
     )
 
 
-def constant_score(readings: Sequence[Channel], natural_time: float, scale: float) -> float:
+def constant_score(left: Sequence[Channel], natural_time: float, scale: float) -> float:
     """Return the log predictive score of a recording of which nothing is predicted but the mean of each channel [nats].
 
     Parameters
     ----------
-    readings : sequence of Channel
-        What was read of every channel, one column each [noise sds].
+    left : sequence of Channel
+        What the mean leaves of every channel, one column each [noise sds].
     natural_time : float
         Natural time of the motion [s].
     scale : float
@@ -210,8 +210,7 @@ def constant_score(readings: Sequence[Channel], natural_time: float, scale: floa
     """
     none = np.empty(0)
     nothing = Linearised([], [], Belief(none, none, none, none, none, np.empty(0, bool)), 0, natural_time, scale)
-    apart = [Channel(c.time, c.columns - c.columns.mean(axis=0)) for c in readings]
-    return _Sizes(nothing, apart, nothing.prior).integrated
+    return _Sizes(nothing, left, nothing.prior).integrated
 
 
 def _covariance(problem: Linearised, train: _Sizes) -> FloatArray:

@@ -15,7 +15,6 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.log_evidence import constant_score
-from discovery.estimation.model_error import Channel
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import conventions
 from discovery.estimation.step_control import affordable_bench, unequal_bench
@@ -53,13 +52,9 @@ class Context:
     progress: Tell
 
     @cached_property
-    def constants(self) -> list[float]:
-        """Return what a constant predicts of each recording that is held out [nats]."""
-        scale, found = self.settings.error_scale, []
-        for e, present in self.judge.parts():
-            read = (e.recording.output / e.recording.scatter)[:, :, None]
-            found.append(constant_score(Channel.each(e.recording.time, read, present), self.units.time, scale))
-        return found
+    def constant_scores(self) -> list[float]:
+        """Return how well a constant predicts each recording that is held out [nats]."""
+        return [constant_score(part, self.units.time, self.settings.error_scale) for part in self.judge.constants]
 
     @cached_property
     def period(self) -> float:

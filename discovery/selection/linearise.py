@@ -95,11 +95,23 @@ def _slopes(
     for e, columns in zip(context.judge.deciding(), held, strict=False):
         wide = np.insert(columns, [free] * (p - free), 0.0, axis=2)
         judged.append(Channel.each(e.recording.time, wide, np.isfinite(e.recording.output)))
-    judged = [part for part in judged if part]
-    if not all(np.isfinite(c.columns).all() for part in (fitted, *judged) for c in part):
+    if not _all_finite(fitted):
         return None
+    judged = [part for part in judged if part]
+    judged = [_or_constant(*each, p + len(more)) for each in zip(judged, context.judge.constants, strict=True)]
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
     form = context.settings.form_of(problem.model)
-    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated, form, context.constants)
+    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated, form, context.constant_scores)
     return Slopes(linear, np.concatenate(jacobian))
+
+
+def _or_constant(held: list[Channel], constant: list[Channel], p: int) -> list[Channel]:
+    """Return what is left of a held-out recording; where the motion blows up, what its mean leaves, whatever the p."""
+    if _all_finite(held):
+        return held
+    return [replace(c, columns=np.insert(c.columns, [0] * p, 0.0, axis=1)) for c in constant]
+
+
+def _all_finite(channels: Sequence[Channel]) -> bool:
+    return all(np.isfinite(c.columns).all() for c in channels)
