@@ -99,6 +99,16 @@ def test_a_spring_is_felt_and_its_absence_too() -> None:
     assert own_period(TIME, driven(0.0), HELD) is None
 
 
+def test_a_spring_is_felt_where_the_place_of_rest_creeps() -> None:
+    time = np.arange(400) / 100.0
+    swing = 1.0 - np.exp(-0.8 * time) * np.cos(9.0 * time)
+    read = np.round((0.1 * swing + 0.05 * (1.0 - np.exp(-time / 3.0))) / 0.001) * 0.001  # a step of a held input
+    assert own_period(time, read, np.ones_like(time)) == pytest.approx(2.0 * np.pi / 9.0, rel=0.02)
+    # The same creep without a swing, and what runs on.
+    assert own_period(time, read - 0.1 * swing, np.ones_like(time)) is None
+    assert own_period(time, time + 0.2 * np.exp(-5.0 * time), np.ones_like(time)) is None
+
+
 @pytest.mark.parametrize(("damping", "drag", "friction"), [(1.1, 8.0, 0.0), (8.0, 0.0, 1.5), (1.1, 0.0, 1.5)])
 def test_a_spring_is_felt_beside_friction_and_drag(damping: float, drag: float, friction: float) -> None:
     rng = np.random.default_rng(14)
@@ -310,6 +320,32 @@ def test_a_driven_system_is_told_by_what_pulls_it_back(spring: float, kind: str,
     document = drafted(written(tmp_path, "a.csv", "time_s,voltage_V,position_m", TIME, HELD, driven(spring)))
     assert document["kind"] == kind
     assert document["columns"]["input"] == {"name": "voltage_V", "unit": "V", "interpolation": "hold"}
+
+
+@pytest.mark.parametrize("kind", [None, "system"])
+@pytest.mark.parametrize("role", ["files", "holdout"])
+def test_any_recording_shows_what_pulls_a_system_back(role: str, kind: str | None, tmp_path: Path) -> None:
+    columns = np.column_stack([TIME, HELD, driven(30.0)])
+    short, long = (
+        written(tmp_path, name, "time_s,voltage_V,position_m", *columns[:size].T)
+        for name, size in (("short.csv", 120), ("long.csv", 1500))
+    )
+    files, holdout = ([short, long], []) if role == "files" else ([short], [long])
+    alone = draft([short], tmp_path, kind=kind)
+    both = draft(files, tmp_path, holdout=holdout, kind=kind)
+    if kind is None:
+        assert 'kind = "drive"   # guessed: an input moves it, and short.csv shows no swing about a place' in alone
+        assert 'kind = "oscillator"   # guessed: in long.csv it swings about its rest, once in about 1.1' in both
+    else:
+        assert tomllib.loads(both)["system"]["constants"]["stiffness"]["guess"] == pytest.approx(30.0, rel=0.1)
+        assert "potential" not in tomllib.loads(alone)["system"]
+
+
+def test_recordings_that_lack_a_column_of_the_first_are_told(tmp_path: Path) -> None:
+    first = written(tmp_path, "a.csv", "time_s,voltage_V,position_m", TIME, HELD, driven(30.0))
+    other = written(tmp_path, "b.csv", "time_s,voltage_V,position_mm", TIME, HELD, driven(30.0))
+    with pytest.raises(InputError, match=r"b\.csv has no column of numbers 'position_m'.*Did you mean 'position_mm'"):
+        draft([first], tmp_path, holdout=[other])
 
 
 def test_a_moved_base_is_an_input(tmp_path: Path) -> None:
