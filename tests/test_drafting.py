@@ -229,6 +229,37 @@ def test_a_reading_far_beside_rest_states_its_zero_as_a_guess(tmp_path: Path) ->
     assert "angle_offset" not in (tmp_path / "rig.toml").read_text()
 
 
+@pytest.mark.parametrize("kind", ["oscillator", "system"])
+@pytest.mark.parametrize("read", ["raw", "in steps", "held at first"])
+def test_a_zero_is_drafted_where_the_recording_tells_it_from_none(read: str, kind: str, tmp_path: Path) -> None:
+    def zero_of(beside: float) -> float | None:
+        motion = beside + 30.0 * SWING
+        if read == "in steps":
+            motion = np.round(motion / 0.4) * 0.4
+        if read == "held at first":
+            motion[:5] = 60.0  # the hand that lets go
+        document = drafted(written(tmp_path, "a.csv", "t_s,x_mm", TIME, motion), kind=kind)
+        zero = document["columns"]["output"].get("zero")
+        assert ("angle_offset" in document.get("model", {}).get("effects", ())) == (zero is not None)
+        return zero
+
+    assert zero_of(0.0) is None
+    assert zero_of(0.005) is None
+    assert zero_of(-1.0) == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("angle_deg", None), ("force_N,x_m", None), ("force_N,x_m", "system"), ("base_m,x_m", None)]
+)
+def test_no_zero_is_drafted_where_it_is_meant_or_an_input_moves_the_centre(
+    name: str, kind: str | None, tmp_path: Path
+) -> None:
+    columns = (30.0 * SWING + 5.0,) if name == "angle_deg" else (HELD, driven(30.0) + 0.5)
+    text = draft([written(tmp_path, "a.csv", f"t_s,{name}", TIME, *columns)], tmp_path, kind=kind)
+    assert "zero" not in text
+    assert "angle_offset" not in text
+
+
 def stuck() -> np.ndarray:
     """Return a swing that dry friction stops beside its centre: each half of it goes about a place 0.075 away."""
     half = np.minimum(np.floor(TIME / 0.5), 6)  # it then stands at 1 - 6 * 0.15
@@ -261,7 +292,8 @@ def test_the_centre_of_a_motion_is_found(motion: str) -> None:
     time, moved = MOTIONS[motion]
     for seed in range(5):
         read = -60.0 + 2.0 * moved + np.random.default_rng(seed).normal(0.0, 0.01, time.size)
-        assert centre_of(time, read, 0.01) == pytest.approx(-60.0, abs=0.06)
+        centre = centre_of(time, read, 0.01)
+        assert centre.at == pytest.approx(-60.0, abs=min(0.06, 3.0 * centre.sd))
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -13,7 +13,7 @@ import numpy as np
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.centre import centre_of
-from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm
+from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
 from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.record_lines import quoted_text, record_lines, trial_rows
 from discovery.drafting.signals import Signal, Signals, angle_unit, find_signals, open_table
@@ -25,8 +25,8 @@ from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.rounding import quantum, resolution
 from discovery.rigs.kinds import KINDS
 
-#: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.
-_BESIDE = 0.5
+#: Standard deviations by which the centre of a free motion may lie beside zero without one being stated.
+_BESIDE = 3.0
 #: What absorbs an error of a zero, whatever the law of motion: it shifts the readings.
 _OFF = "angle_offset"
 #: Share of the steps of a held input that are none, and of its range that it jumps by.
@@ -161,20 +161,19 @@ def _system(recordings: Sequence[Signals], guess: Guess) -> Iterator[str]:
     if own:
         yield from (*equations(recordings), "")
     yield "[columns]"
-    zero = _zero(found, guess)
+    zero = _zero(recordings, guess)
     yield from _columns(found, guess, zero)
     if found.unused:
         yield f"# not used: {_unused(found)}"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
         yield from _base(found, found.input)
-    if not own:
+    declared = [*KINDS[guess.kind].declared, *([] if zero is None else [_OFF])]
+    if declared or not own:
         yield ""
         yield "[model]"
         yield "# what you declare; what it lacks is searched"
-        declared = list(KINDS[guess.kind].declared)
         if zero is not None:
             yield f"# {_OFF} fits what the guessed zero is off by: take it out where you state a zero that you measured"
-            declared.append(_OFF)
         yield f"effects = [{', '.join(map(quoted_text, declared))}]"
 
 
@@ -215,11 +214,10 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'
     yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{so}{_range(found.output)}"
-    scatter, step = estimate_noise(found.output.values, time), quantum(found.output.values, time)
-    noise = max(scatter, resolution(found.output.values, time) if step > 0.0 else 0.0)
+    noise, step = _noise(found)
     shown = figures(noise, 2) if noise > 0.0 else "0.1"
     unit = "" if found.output.unit == "1" else f" {found.output.unit}"
-    if noise > scatter:
+    if step > 0.0:
         yield f"# It reads in steps of {figures(step, 3)}{unit}. The sd of rounding, {shown}{unit}, is taken as noise."
     elif noise > 0.0:
         yield f"# Its readings scatter by {shown}{unit} from one to the next, which is taken as their noise."
@@ -253,10 +251,21 @@ def _range(signal: Signal) -> str:
     return f"{figures(float(np.nanmin(signal.values)), 4)} to {figures(float(np.nanmax(signal.values)), 4)}"
 
 
-def _zero(found: Signals, guess: Guess) -> float | None:
-    """Return the reading about which it goes, where a system that may rest anywhere is read far beside zero."""
-    if not KINDS[guess.kind].rests_anywhere or found.input is not None or si_symbol(found.output.unit) == "s":
+def _zero(recordings: Sequence[Signals], guess: Guess) -> float | None:
+    """Return the reading about which it goes, where a system that may rest anywhere is read beside zero."""
+    found, its = recordings[0], KINDS[guess.kind]
+    if found.input is not None or si_symbol(found.output.unit) == "s":
         return None
-    values = found.output.values
-    rest = centre_of(found.seconds, values, estimate_noise(values, found.seconds))
-    return rest if abs(rest) > _BESIDE * float(np.nanmax(values) - np.nanmin(values)) / 2.0 else None
+    sprung = its.has_own_equations and found.reads != "speed" and swing_of(recordings) is not None
+    if not (its.rests_anywhere or sprung):
+        return None
+    centre = centre_of(found.seconds, found.output.values, _noise(found)[0])
+    return centre.at if abs(centre.at) > _BESIDE * centre.sd else None
+
+
+def _noise(found: Signals) -> tuple[float, float]:
+    """Return the noise of a reading, no less than that of its steps, and the step if that is what it is."""
+    values, time = found.output.values, found.seconds
+    scatter, step = estimate_noise(values, time), quantum(values, time)
+    rounding = resolution(values, time) if step > 0.0 else 0.0
+    return max(scatter, rounding), step if rounding > scatter else 0.0
