@@ -87,6 +87,8 @@ def drafted(path: Path, **more: object) -> dict:
         ("shaft [rev/min]", "speed", "rpm"),
         ("load_Nm", "cause", "N m"),
         ("channel 3", "", None),
+        ("Dist Error (cm)", "other", "cm"),
+        ("x uncertainty (mm)", "other", "mm"),
     ],
 )
 def test_names_say_what_they_measure(name: str, role: str, unit: str | None) -> None:
@@ -309,11 +311,13 @@ def test_a_zero_that_is_guessed_is_no_discovery(tmp_path: Path, capsys: pytest.C
 @pytest.mark.parametrize("unit", ["counts", "x_m", "x_mm", "angle_deg"])
 def test_what_runs_on_is_driven_by_a_constant_in_any_unit(unit: str, tmp_path: Path) -> None:
     way = 900.0 * (TIME - 0.2 * (1.0 - np.exp(-5.0 * TIME)))
-    path = written(tmp_path, "a.csv", f"t_s,volts,unused,{unit}", TIME, np.full(TIME.size, 12.0), 0.0 * TIME, way)
+    still = (np.full(TIME.size, 12.0), 0.0 * TIME, np.full(TIME.size, 0.2))
+    path = written(tmp_path, "a.csv", f"t_s,volts,unused,error_mm,{unit}", TIME, *still, way)
     document = drafted(path)
     assert (document["kind"], document["columns"]["input"]["name"]) == ("drive", "volts")
     assert (
-        "# not used: unused (never changes: name it with --input if it drives)" in (tmp_path / "rig.toml").read_text()
+        "# not used: error_mm, unused (never changes: name it with --input if it drives)"
+        in (tmp_path / "rig.toml").read_text()
     )
 
 

@@ -57,7 +57,7 @@ class Signals:
     `header` are names given to the columns of a file without names, and `rate` [Hz] is that of one without times. The
     input is the motion of a base where it is `moved`; the name of the output says that it `reads` a ``"height"``,
     ``"speed"``, ``"acceleration"``, or something else. Of the columns that are `unused`, some are `still`: numbers that
-    never change.
+    never change, and may yet be an input.
     """
 
     path: Path
@@ -132,7 +132,7 @@ def _in_file(path: Path, rate: float | None, wanted: Mapping[str, str]) -> Signa
     if output is None:
         raise InputError(f"{path} has no column that could be the output. Name one with --output. {_list(columns)}")
     read = _signal(output, columns, meanings, "output")
-    still = [name for name, values in columns.items() if not _changes(values)]
+    still = [name for name, values in columns.items() if meanings[name].role != "other" and not _changes(values)]
     if given is None and meanings[output].role not in _NO_PLACES and runs_on(read.si, read.unit):
         # What goes on and on is driven, be it by a constant.
         given = _input([name for name in still if np.nanmax(np.abs(columns[name])) > 0.0], meanings, output)
