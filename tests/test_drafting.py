@@ -332,6 +332,28 @@ def test_a_constant_that_is_named_is_the_input(name: str, tmp_path: Path) -> Non
     assert document["columns"]["input"] == {"name": "volts", "unit": "V", "interpolation": "hold"}
 
 
+@pytest.mark.parametrize("name", ["volts", "fan_speed_setting", "x_error_mm", "trial"])
+def test_what_is_held_and_differs_between_recordings_may_drive(name: str, tmp_path: Path) -> None:
+    step = 5.0 * (1.0 - np.exp(-0.5 * TIME) * (np.cos(4.0 * TIME) + np.sin(4.0 * TIME) / 8.0))
+    first, other = (
+        written(tmp_path, f"{k}.csv", f"t_s,{name},same,x_mm", TIME, np.full(TIME.size, 1.0 + k), TIME * 0.0, k * step)
+        for k in (1, 2)
+    )
+    alone = drafted(first)
+    assert "input" not in alone["columns"]
+    document = drafted(first, holdout=[other])
+    text = (tmp_path / "rig.toml").read_text()
+    assert "same (never changes: name it with --input if it drives)" in text
+    if name == "volts":
+        assert document["columns"]["input"] == {"name": "volts", "unit": "V", "interpolation": "hold"}
+        assert "# guessed as the input: it is held, and differs between recordings. Remove the line" in text
+        assert 'kind = "oscillator"   # guessed: in 1.csv it swings about its rest' in text
+    else:
+        said = f"{name} (is held, and differs between recordings: name it with --input if it drives)"
+        assert "input" not in document["columns"]
+        assert (said in text) == (name != "x_error_mm")
+
+
 def test_what_comes_to_an_end_does_not_run_on() -> None:
     assert runs_on(TIME**2, "m")
     assert not runs_on(1.0 - np.exp(-TIME), "m")

@@ -29,6 +29,8 @@ from discovery.rigs.kinds import KINDS
 _BESIDE = 3.0
 #: What absorbs an error of a zero, whatever the law of motion: it shifts the readings.
 _OFF = "angle_offset"
+#: What is said of a column, or of several, with one number in each recording.
+_DIFFERS = "is held, and differs between recordings", "are held, and differ between recordings"
 #: Share of the steps of a held input that are none, and of its range that it jumps by.
 _HELD, _JUMP = 0.5, 0.05
 
@@ -180,9 +182,11 @@ def _system(recordings: Sequence[Signals], guess: Guess) -> Iterator[str]:
 def _unused(found: Signals) -> str:
     """Name the columns that are left, and say of which ones nothing but the user can tell whether they drive."""
     said = [", ".join(name for name in found.unused if name not in found.still)[:300]]
-    if found.still:
-        several = "never change: name one" if len(found.still) > 1 else "never changes: name it"
-        said.append(f"{', '.join(found.still)[:300]} ({several} with --input if it drives)")
+    for differs, one, several in ((False, "never changes", "never change"), (True, *_DIFFERS)):
+        names = [name for name in found.still if (name in found.differ) is differs]
+        if names:
+            say = f"{one}: name it" if len(names) == 1 else f"{several}: name one"
+            said.append(f"{', '.join(names)[:300]} ({say} with --input if it drives)")
     return ", ".join(filter(None, said))
 
 
@@ -210,6 +214,8 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
         between, why = ("", []) if differentiated else _between(found.input)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
+        if found.input.name in found.differ:
+            yield f"# guessed as the input: it {_DIFFERS[0]}. Remove the line if it does not drive"
     more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'

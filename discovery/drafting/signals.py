@@ -57,7 +57,7 @@ class Signals:
     `header` are names given to the columns of a file without names, and `rate` [Hz] is that of one without times. The
     input is the motion of a base where it is `moved`; the name of the output says that it `reads` a ``"height"``,
     ``"speed"``, ``"acceleration"``, or something else. Of the columns that are `unused`, some are `still`: numbers that
-    never change, and may yet be an input.
+    never change, and may yet be an input. What `differ` are those that do between recordings, be one the input.
     """
 
     path: Path
@@ -70,6 +70,7 @@ class Signals:
     reads: str
     unused: tuple[str, ...]
     still: tuple[str, ...]
+    differ: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> FloatArray:
@@ -88,16 +89,31 @@ def find_signals(
 ) -> list[Signals]:
     """Tell the signals of recordings of one system apart; without times, they have a `rate` of readings [Hz].
 
-    The columns of the first one, and their units, are those of all. `chosen` are columns that the user names, by
-    ``"time"``, ``"input"`` and ``"output"``. InputError if there are no times and no rate, no output, or several
-    columns could be it.
+    The columns of the first one, and their units, are those of all. Where nothing in it drives, a cause does that is
+    held, and at another value in another recording. `chosen` are columns that the user names, by ``"time"``,
+    ``"input"`` and ``"output"``. InputError if there are no times and no rate, no output, or several columns could be
+    it.
     """
     wanted = {role: name for role, name in (chosen or {}).items() if name is not None}
     first = _in_file(paths[0], rate, wanted)
+    differ = _differing(paths, first.still)
+    held = _first(differ, {name: meaning_of(name) for name in differ}, ("cause",), None)
+    if first.input is None and held is not None:
+        first = _in_file(paths[0], rate, {**wanted, "input": held})
+    first = replace(first, differ=differ)
     signals = {"time": first.time, "input": first.input, "output": first.output}
     named = {role: signal.name for role, signal in signals.items() if signal is not None}
     others = (_in_file(path, rate, named) for path in paths[1:])
     return [first, *(_alike(first, other) for other in others)]
+
+
+def _differing(paths: Sequence[Path], names: Sequence[str]) -> tuple[str, ...]:
+    """Return which columns that never change in the first file hold another number in another one."""
+    if len(paths) < 2 or not names:
+        return ()
+    files = [_numbers(open_table(path)[0], set()) for path in paths]
+    in_all = [name for name in names if all(name in file for file in files)]
+    return tuple(name for name in in_all if len({v for file in files for v in _ends(file[name])}) > 1)
 
 
 def _alike(first: Signals, other: Signals) -> Signals:
@@ -156,7 +172,12 @@ def _varies(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
 
 
 def _changes(values: FloatArray) -> bool:
-    return bool(np.nanmax(values) > np.nanmin(values))
+    least, largest = _ends(values)
+    return largest > least
+
+
+def _ends(values: FloatArray) -> tuple[float, float]:
+    return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def _numbers(table: Table, used: set[str] | None) -> dict[str, FloatArray]:
