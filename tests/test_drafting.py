@@ -87,6 +87,8 @@ def drafted(path: Path, **more: object) -> dict:
         ("shaft [rev/min]", "speed", "rpm"),
         ("load_Nm", "cause", "N m"),
         ("channel 3", "", None),
+        ("Dist Error (cm)", "other", "cm"),
+        ("x uncertainty (mm)", "other", "mm"),
     ],
 )
 def test_names_say_what_they_measure(name: str, role: str, unit: str | None) -> None:
@@ -97,6 +99,16 @@ def test_a_spring_is_felt_and_its_absence_too() -> None:
     found = own_period(TIME, driven(30.0), HELD)
     assert found == pytest.approx(2.0 * np.pi / 30.0**0.5, rel=0.03)
     assert own_period(TIME, driven(0.0), HELD) is None
+
+
+def test_a_spring_is_felt_where_the_place_of_rest_creeps() -> None:
+    time = np.arange(400) / 100.0
+    swing = 1.0 - np.exp(-0.8 * time) * np.cos(9.0 * time)
+    read = np.round((0.1 * swing + 0.05 * (1.0 - np.exp(-time / 3.0))) / 0.001) * 0.001  # a step of a held input
+    assert own_period(time, read, np.ones_like(time)) == pytest.approx(2.0 * np.pi / 9.0, rel=0.02)
+    # The same creep without a swing, and what runs on.
+    assert own_period(time, read - 0.1 * swing, np.ones_like(time)) is None
+    assert own_period(time, time + 0.2 * np.exp(-5.0 * time), np.ones_like(time)) is None
 
 
 @pytest.mark.parametrize(("damping", "drag", "friction"), [(1.1, 8.0, 0.0), (8.0, 0.0, 1.5), (1.1, 0.0, 1.5)])
@@ -219,6 +231,37 @@ def test_a_reading_far_beside_rest_states_its_zero_as_a_guess(tmp_path: Path) ->
     assert "angle_offset" not in (tmp_path / "rig.toml").read_text()
 
 
+@pytest.mark.parametrize("kind", ["oscillator", "system"])
+@pytest.mark.parametrize("read", ["raw", "in steps", "held at first"])
+def test_a_zero_is_drafted_where_the_recording_tells_it_from_none(read: str, kind: str, tmp_path: Path) -> None:
+    def zero_of(beside: float) -> float | None:
+        motion = beside + 30.0 * SWING
+        if read == "in steps":
+            motion = np.round(motion / 0.4) * 0.4
+        if read == "held at first":
+            motion[:5] = 60.0  # the hand that lets go
+        document = drafted(written(tmp_path, "a.csv", "t_s,x_mm", TIME, motion), kind=kind)
+        zero = document["columns"]["output"].get("zero")
+        assert ("angle_offset" in document.get("model", {}).get("effects", ())) == (zero is not None)
+        return zero
+
+    assert zero_of(0.0) is None
+    assert zero_of(0.005) is None
+    assert zero_of(-1.0) == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("angle_deg", None), ("force_N,x_m", None), ("force_N,x_m", "system"), ("base_m,x_m", None)]
+)
+def test_no_zero_is_drafted_where_it_is_meant_or_an_input_moves_the_centre(
+    name: str, kind: str | None, tmp_path: Path
+) -> None:
+    columns = (30.0 * SWING + 5.0,) if name == "angle_deg" else (HELD, driven(30.0) + 0.5)
+    text = draft([written(tmp_path, "a.csv", f"t_s,{name}", TIME, *columns)], tmp_path, kind=kind)
+    assert "zero" not in text
+    assert "angle_offset" not in text
+
+
 def stuck() -> np.ndarray:
     """Return a swing that dry friction stops beside its centre: each half of it goes about a place 0.075 away."""
     half = np.minimum(np.floor(TIME / 0.5), 6)  # it then stands at 1 - 6 * 0.15
@@ -251,7 +294,8 @@ def test_the_centre_of_a_motion_is_found(motion: str) -> None:
     time, moved = MOTIONS[motion]
     for seed in range(5):
         read = -60.0 + 2.0 * moved + np.random.default_rng(seed).normal(0.0, 0.01, time.size)
-        assert centre_of(time, read, 0.01) == pytest.approx(-60.0, abs=0.06)
+        centre = centre_of(time, read, 0.01)
+        assert centre.at == pytest.approx(-60.0, abs=min(0.06, 3.0 * centre.sd))
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -267,11 +311,13 @@ def test_a_zero_that_is_guessed_is_no_discovery(tmp_path: Path, capsys: pytest.C
 @pytest.mark.parametrize("unit", ["counts", "x_m", "x_mm", "angle_deg"])
 def test_what_runs_on_is_driven_by_a_constant_in_any_unit(unit: str, tmp_path: Path) -> None:
     way = 900.0 * (TIME - 0.2 * (1.0 - np.exp(-5.0 * TIME)))
-    path = written(tmp_path, "a.csv", f"t_s,volts,unused,{unit}", TIME, np.full(TIME.size, 12.0), 0.0 * TIME, way)
+    still = (np.full(TIME.size, 12.0), 0.0 * TIME, np.full(TIME.size, 0.2))
+    path = written(tmp_path, "a.csv", f"t_s,volts,unused,error_mm,{unit}", TIME, *still, way)
     document = drafted(path)
     assert (document["kind"], document["columns"]["input"]["name"]) == ("drive", "volts")
     assert (
-        "# not used: unused (never changes: name it with --input if it drives)" in (tmp_path / "rig.toml").read_text()
+        "# not used: error_mm, unused (never changes: name it with --input if it drives)"
+        in (tmp_path / "rig.toml").read_text()
     )
 
 
@@ -284,6 +330,28 @@ def test_a_constant_that_is_named_is_the_input(name: str, tmp_path: Path) -> Non
     document = drafted(path, chosen={"input": "volts"})
     assert document["kind"] == "oscillator"
     assert document["columns"]["input"] == {"name": "volts", "unit": "V", "interpolation": "hold"}
+
+
+@pytest.mark.parametrize("name", ["volts", "fan_speed_setting", "x_error_mm", "trial"])
+def test_what_is_held_and_differs_between_recordings_may_drive(name: str, tmp_path: Path) -> None:
+    step = 5.0 * (1.0 - np.exp(-0.5 * TIME) * (np.cos(4.0 * TIME) + np.sin(4.0 * TIME) / 8.0))
+    first, other = (
+        written(tmp_path, f"{k}.csv", f"t_s,{name},same,x_mm", TIME, np.full(TIME.size, 1.0 + k), TIME * 0.0, k * step)
+        for k in (1, 2)
+    )
+    alone = drafted(first)
+    assert "input" not in alone["columns"]
+    document = drafted(first, holdout=[other])
+    text = (tmp_path / "rig.toml").read_text()
+    assert "same (never changes: name it with --input if it drives)" in text
+    if name == "volts":
+        assert document["columns"]["input"] == {"name": "volts", "unit": "V", "interpolation": "hold"}
+        assert "# guessed as the input: it is held, and differs between recordings. Remove the line" in text
+        assert 'kind = "oscillator"   # guessed: in 1.csv it swings about its rest' in text
+    else:
+        said = f"{name} (is held, and differs between recordings: name it with --input if it drives)"
+        assert "input" not in document["columns"]
+        assert (said in text) == (name != "x_error_mm")
 
 
 def test_what_comes_to_an_end_does_not_run_on() -> None:
@@ -310,6 +378,32 @@ def test_a_driven_system_is_told_by_what_pulls_it_back(spring: float, kind: str,
     document = drafted(written(tmp_path, "a.csv", "time_s,voltage_V,position_m", TIME, HELD, driven(spring)))
     assert document["kind"] == kind
     assert document["columns"]["input"] == {"name": "voltage_V", "unit": "V", "interpolation": "hold"}
+
+
+@pytest.mark.parametrize("kind", [None, "system"])
+@pytest.mark.parametrize("role", ["files", "holdout"])
+def test_any_recording_shows_what_pulls_a_system_back(role: str, kind: str | None, tmp_path: Path) -> None:
+    columns = np.column_stack([TIME, HELD, driven(30.0)])
+    short, long = (
+        written(tmp_path, name, "time_s,voltage_V,position_m", *columns[:size].T)
+        for name, size in (("short.csv", 120), ("long.csv", 1500))
+    )
+    files, holdout = ([short, long], []) if role == "files" else ([short], [long])
+    alone = draft([short], tmp_path, kind=kind)
+    both = draft(files, tmp_path, holdout=holdout, kind=kind)
+    if kind is None:
+        assert 'kind = "drive"   # guessed: an input moves it, and short.csv shows no swing about a place' in alone
+        assert 'kind = "oscillator"   # guessed: in long.csv it swings about its rest, once in about 1.1' in both
+    else:
+        assert tomllib.loads(both)["system"]["constants"]["stiffness"]["guess"] == pytest.approx(30.0, rel=0.1)
+        assert "potential" not in tomllib.loads(alone)["system"]
+
+
+def test_recordings_that_lack_a_column_of_the_first_are_told(tmp_path: Path) -> None:
+    first = written(tmp_path, "a.csv", "time_s,voltage_V,position_m", TIME, HELD, driven(30.0))
+    other = written(tmp_path, "b.csv", "time_s,voltage_V,position_mm", TIME, HELD, driven(30.0))
+    with pytest.raises(InputError, match=r"b\.csv has no column of numbers 'position_m'.*Did you mean 'position_mm'"):
+        draft([first], tmp_path, holdout=[other])
 
 
 def test_a_moved_base_is_an_input(tmp_path: Path) -> None:

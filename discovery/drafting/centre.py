@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,14 +19,26 @@ _WHOLE, _CORRECTIONS = 3, 20
 _GAP = 0.4
 #: Share of the readings that are the end, and of the range within which they lie if it came to rest.
 _END, _STILL = 0.25, 0.1
+#: Standard deviation of a median of independent values over that of their mean, and quantiles one of theirs away.
+_MEDIAN, _ONE = 1.25, (0.16, 0.84)
+#: Share of the range that is one standard deviation of its middle, where nothing else tells the centre.
+_ROUGH = 1.0 / 12.0
 
 
-def centre_of(time: FloatArray, output: FloatArray, noise: float = 0.0) -> float:
+class Centre(NamedTuple):
+    """A reading about which a motion goes, and its standard deviation."""
+
+    at: float
+    sd: float
+
+
+def centre_of(time: FloatArray, output: FloatArray, noise: float = 0.0) -> Centre:
     """Return the reading about which a motion swings; where it does not swing, that at which it ends.
 
     A damped oscillation is as long above its centre as below: e^(-d t) cos(w t) has evenly spaced zeros. The level of
     which this holds is found swing by swing, and the median over the swings is taken: a decay, a scale that ends within
-    the swings, a gap, or a body that sticks beside its centre do not move it, as they do means and last readings.
+    the swings, a gap, or a body that sticks beside its centre do not move it, as they do means and last readings. A
+    swing is as uncertain as the swings differ, and no less than a reading.
 
     Parameters
     ----------
@@ -37,7 +51,7 @@ def centre_of(time: FloatArray, output: FloatArray, noise: float = 0.0) -> float
     --------
     >>> t = np.linspace(0, 12, 400)
     >>> y = 30.0 + 8.0 * np.exp(-0.2 * t) * np.cos(4 * t)
-    >>> round(centre_of(t, y), 2), round(centre_of(t, np.maximum(y, 26.0)), 2)
+    >>> round(centre_of(t, y).at, 2), round(centre_of(t, np.maximum(y, 26.0)).at, 2)
     (30.0, 30.0)
     """
     good = np.flatnonzero(np.isfinite(output))
@@ -47,18 +61,23 @@ def centre_of(time: FloatArray, output: FloatArray, noise: float = 0.0) -> float
     band = max(_SHARE * (high - low) / 2.0, _NOISES * noise)
     starts = (float(np.median(y)), float(low + high) / 2.0)
     level = max(starts, key=lambda start: _passages(y, start, band).shape[1])
-    swings = False
+    swings = np.empty(0)
     for _ in range(_CORRECTIONS):
         found = _levels(t, y, level, band)
         if found.size == 0:
             break
-        swings, before, level = True, level, float(np.median(found))
+        swings, before, level = found, level, float(np.median(found))
         if abs(level - before) < 1e-3 * band:
             break
-    if swings:
-        return level
+    if swings.size:
+        below, above = np.quantile(swings, _ONE)
+        # Each half swing is in two of them.
+        return Centre(level, _MEDIAN * max(float(above - below) / 2.0, noise) / np.sqrt(max(1.0, swings.size / 2.0)))
     end = y[-max(1, round(_END * y.size)) :]
-    return float(np.median(end)) if np.ptp(end) < max(_STILL * (high - low), 2.0 * band) else starts[1]
+    if np.ptp(end) < max(_STILL * (high - low), 2.0 * band):
+        # A body at rest may stick anywhere among these.
+        return Centre(float(np.median(end)), max(float(np.ptp(end)) / 6.0, noise))
+    return Centre(starts[1], _ROUGH * float(high - low))
 
 
 def _neighbours(size: int) -> NDArray[np.intp]:

@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
-from discovery.drafting.law_of_motion import FloatArray, own_period, rates_of, runs_on
+from discovery.drafting.law_of_motion import own_period, rates_of, runs_on
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
-from discovery.foundation.io import Table
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
 from discovery.rigs.kinds import Kind
 
@@ -30,6 +28,13 @@ class Guess(NamedTuple):
 
     kind: str
     why: str
+
+
+class Swing(NamedTuple):
+    """A file that shows a swing about a place of rest, and its period [s]."""
+
+    path: Path
+    period: float
 
 
 def has_columns_of_an_arm(names: Iterable[str]) -> bool:
@@ -49,52 +54,46 @@ def fits(kind: Kind, found: Signals) -> bool:
     return kind.unit in (None, unit)
 
 
-def guess_kind(path: Path, found: Signals, time: FloatArray) -> Guess:
-    """Guess the kind of system from its signals, their times [s] (n,), and the name of their file."""
-    unit = si_symbol(found.output.unit)
+def guess_kind(recordings: Sequence[Signals]) -> Guess:
+    """Guess the kind of system from the signals of its recordings, and the name of the first file.
+
+    Whether something pulls it back belongs to the system: any recording may show it.
+    """
+    found = recordings[0]
+    unit, name = si_symbol(found.output.unit), found.path.name
     if found.reads == "speed":
         return Guess("system", "a speed is read by a system in its own equations: docs/YOUR_SYSTEM.md")
     if found.reads == "height" and found.input is None and unit == "m":
         return Guess("falling_body", "the output is a height, and nothing drives it")
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
-    hanging = "pend" in f"{path.stem} {found.output.name}".lower()
-    if unit == "rad" and not hanging and runs_on(found.output.si):
+    hanging = "pend" in f"{found.path.stem} {found.output.name}".lower()
+    if unit == "rad" and not hanging and any(runs_on(each.output.si) for each in recordings):
         if found.input is not None:
             return Guess("drive", "an input turns it on and on, and nothing pulls it back")
         return Guess("system", "an angle that turns on and on, and no input: in its own equations, docs/YOUR_SYSTEM.md")
     if found.input is None:
         if unit == "rad":
-            again = f"discovery init {path.name} --kind oscillator"
+            again = f"discovery init {name} --kind oscillator"
             return Guess("pendulum", f"an angle that nothing drives; on a torsion spring: `{again}`")
         return Guess("oscillator", "nothing drives it")
     if found.reads == "acceleration":
         return Guess("oscillator", "an acceleration does not tell whether anything pulls it back")
-    period = own_period(time, found.output.si, found.input.si)
-    if period is None:
-        return Guess("drive", "an input moves it, and nothing pulls it back to a place of rest")
-    back = f"it swings about its rest, once in about {period:.3g} s"
+    swing = swing_of(recordings)
+    if swing is None:
+        looked = name if len(recordings) == 1 else f"{len(recordings)} recordings"
+        return Guess("drive", f"an input moves it, and {looked} shows no swing about a place of rest")
+    back = f"in {swing.path.name} it swings about its rest, once in about {swing.period:.3g} s"
     return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)
 
 
-def trials(table: Table, time: npt.NDArray[np.float64], names: Sequence[str]) -> tuple[str, list[str | float]]:
-    """Return the column that tells the trials of a file apart, and its values in their order; none of them otherwise.
-
-    Its times [s] (n,) begin again with every trial. Of the columns `names`, one may hold for each a value of its own.
-    """
-    begins = np.flatnonzero(np.diff(time) <= 0.0) + 1
-    if not begins.size:
-        return "", []
-    for name in names:
-        try:
-            cells: list[str | float] = table.numbers(name).tolist()
-        except InputError:
-            cells = [str(cell).strip() for cell in table.columns[name]]
-        parts = [set(cells[part[0] : part[-1] + 1]) for part in np.split(np.arange(len(cells)), begins)]
-        values = [value for part in parts for value in part]
-        if all(len(part) == 1 for part in parts) and len(set(values)) == len(values):
-            return name, values
-    return "", []
+def swing_of(recordings: Sequence[Signals]) -> Swing | None:
+    """Return how the first recording swings that swings about a place of rest, None where none does."""
+    for found in recordings:
+        period = own_period(found.seconds, found.output.si, None if found.input is None else found.input.si)
+        if period is not None:
+            return Swing(found.path, period)
+    return None
 
 
 class _Body(NamedTuple):
@@ -114,11 +113,12 @@ _SLIDES = _Body("x", "m", "mass", "kg", "N", "N s / m")
 _TURNS = _Body("angle", "rad", "inertia", "kg m^2", "N m", "N m s / rad")
 
 
-def equations(found: Signals, time: FloatArray) -> Iterator[str]:
-    """Yield the lines of a table [system] that fits what was recorded at times [s] (n,).
+def equations(recordings: Sequence[Signals]) -> Iterator[str]:
+    """Yield the lines of a table [system] that fits what was recorded, with numbers of the first recording.
 
     InputError for an output that is no motion of a body in an SI unit.
     """
+    found = recordings[0]
     unit = si_symbol(found.output.unit)
     if unit not in _READ or (found.reads == "speed" and not unit.endswith("/s")):
         raise InputError(
@@ -127,13 +127,13 @@ def equations(found: Signals, time: FloatArray) -> Iterator[str]:
             "yourself: docs/YOUR_SYSTEM.md shows how."
         )
     if unit == "rad/s" and found.input is not None and si_symbol(found.input.unit) == "V":
-        return _motor(found, time)
-    return _body(found, time, _READ[unit])
+        return _motor(found)
+    return _body(recordings, _READ[unit])
 
 
-def _motor(found: Signals, time: FloatArray) -> Iterator[str]:
+def _motor(found: Signals) -> Iterator[str]:
     assert found.input is not None
-    d, b = rates_of(time, found.output.si, found.input.si, speed=True)
+    d, b = rates_of(found.seconds, found.output.si, found.input.si, speed=True)
     lag, gain = (1.0 / d, b / d) if d > 0.0 and b != 0.0 else (0.1, 10.0)
     constant = 1.0 / gain
     yield "[system]"
@@ -150,14 +150,15 @@ def _motor(found: Signals, time: FloatArray) -> Iterator[str]:
     yield f'loss = {{ value = 0.0, unit = "N m s" }}   # FILL IN {then}'
 
 
-def _body(found: Signals, time: FloatArray, output: str) -> Iterator[str]:
+def _body(recordings: Sequence[Signals], output: str) -> Iterator[str]:
+    found = recordings[0]
     body = _TURNS if "angle" in output else _SLIDES
     at, rate = body.at, f"dot({body.at})"
     unit = None if found.input is None else si_symbol(found.input.unit)
     base, force = found.moved and unit == body.unit, unit == si_symbol(body.force)
     given = None if found.input is None else found.input.si
-    period = None if output != at and given is not None else own_period(time, found.output.si, given)
-    springs = base or period is not None
+    swing = None if output != at and given is not None else swing_of(recordings)
+    springs = base or swing is not None
     way, slip = (f"({at} - base)", f"({rate} - dot(base))") if base else (at, rate)
     yield "[system]   # each line is an example, guessed: correct it; docs/YOUR_SYSTEM.md"
     yield f'coordinates = {{ {at} = "{body.unit}" }}'
@@ -174,9 +175,11 @@ def _body(found: Signals, time: FloatArray, output: str) -> Iterator[str]:
     d, b = (
         (0.0, 0.0)
         if "ddot" in output or base
-        else rates_of(time, found.output.si, given, speed=output == rate, spring=springs)
+        else rates_of(found.seconds, found.output.si, given, speed=output == rate, spring=springs)
     )
-    yield from _constants(body, period if springs else 0.0, d, b, None if base or force else unit, force)
+    yield from _constants(
+        body, (swing.period if swing else None) if springs else 0.0, d, b, None if base or force else unit, force
+    )
 
 
 def _constants(

@@ -16,7 +16,7 @@ from discovery.foundation.sampling import median_step
 #: Passages through the middle that are enough: over more of them, twice integrated noise outgrows the motion.
 _PASSAGES = 40
 #: Factor by which the squared error must fall with a spring in the law. Measured drives reach 1.6, what lies beside an
-#: oscillator of a laboratory or a simulation with friction, drag or play 8 and more.
+#: oscillator of a laboratory or a simulation with friction, drag or play 7 and more.
 _GAIN = 4.0
 #: What runs on goes back over less than so much of its way. An angle goes through more than two turns, anything else is
 #: at the end, in so much of the time, no slower than so much of its mean speed.
@@ -45,10 +45,11 @@ LOOKS = {
 def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -> float | None:
     """Return the period with which a system swings about its rest, None where nothing pulls it back.
 
-    The law q'' = -d q' - k q + b u + c is fitted in its weak form, once with a spring and once without: weighted by
-    smooth functions that are zero outside a short window, every derivative moves over to them by parts, so that none of
-    a noisy reading is needed (Shinbrot, Transactions of the ASME 79 (1957) 447; Messenger and Bortz, Multiscale
-    Modeling and Simulation 19 (2021) 1474).
+    The law q'' = -d q' - k q + b u + c + e t is fitted in its weak form, once with a spring and once without: weighted
+    by smooth functions that are zero outside a short window, every derivative moves over to them by parts, so that none
+    of a noisy reading is needed (Shinbrot, Transactions of the ASME 79 (1957) 447; Messenger and Bortz, Multiscale
+    Modeling and Simulation 19 (2021) 1474). The place of rest may creep, by e, where the motion passes through its
+    middle often enough to be told from a creep.
 
     `time`, `output` (n,): times [s] and motion; NaN marks gaps. `given` (n,): the input, if there is one.
 
@@ -65,12 +66,16 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     step = median_step(time[good])
     grid = np.arange(time[good[0]], time[good[-1]] + 0.5 * step, step)
     y = np.interp(grid, time[good], output[good] - np.mean(output[good]))
-    half = _half_window(y)
+    side = y > np.median(y)
+    passages = int(np.count_nonzero(side[1:] != side[:-1]))
+    half = _half_window(y.size, passages)
     s = np.linspace(-1.0, 1.0, 2 * half + 1)
     weight = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** 4
-    # Integrals over a window of y'', -y', 1, u and -y.
+    # Integrals over a window of y'', -y', 1, t, u and -y.
     pulled = _windows(y, weight.deriv(2)(s) / (half * step) ** 2, half)
     columns = [_windows(y, weight.deriv(1)(s) / (half * step), half), np.ones_like(pulled)]
+    if passages >= 2.0 * _PERIODS:
+        columns.append(np.linspace(-1.0, 1.0, pulled.size))
     if given is not None:
         columns.append(_windows(np.interp(grid, time[good], given[good]), weight(s), half))
     without = least_squares(np.column_stack(columns), pulled)[0]
@@ -81,11 +86,9 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     return period if _PERIODS * period < grid[-1] - grid[0] else None
 
 
-def _half_window(y: FloatArray) -> int:
+def _half_window(size: int, passages: int) -> int:
     """Return the samples of half a window: half the time between every other passage through the middle."""
-    side = y > np.median(y)
-    passages = max(1, int(np.count_nonzero(side[1:] != side[:-1])))
-    return max(2, min(max(_SHORTEST, y.size // passages), (y.size - 1) // 6))
+    return max(2, min(max(_SHORTEST, size // max(1, passages)), (size - 1) // 6))
 
 
 def _windows(values: FloatArray, weight: FloatArray, half: int) -> FloatArray:

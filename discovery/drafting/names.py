@@ -26,7 +26,7 @@ _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "pos
 _MOTIONS |= {"q", "disp", "travel", "distance", "encoder", "tip", "swing", "rotation", "winkel", "weg"}
 _ACCELERATIONS = {"acceleration", "acc", "accel"}
 _SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "drehzahl"}
-_OTHERS = {"temperature", "error", "battery", "supply"}
+_OTHERS = {"temperature", "battery", "supply", "error", "err", "uncertainty", "sd", "std"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
 _WORDS = (
     *(("acceleration", _ACCELERATIONS), ("speed", _SPEEDS), ("cause", _CAUSES)),

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +13,10 @@ import numpy as np
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.centre import centre_of
-from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, trials
+from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
 from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
-from discovery.drafting.signals import FloatArray, Signal, Signals, angle_unit, find_signals, open_table
+from discovery.drafting.record_lines import quoted_text, record_lines, trial_rows
+from discovery.drafting.signals import Signal, Signals, angle_unit, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
@@ -26,10 +25,12 @@ from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.rounding import quantum, resolution
 from discovery.rigs.kinds import KINDS
 
-#: Of half the range of a free motion, by which its readings may lie beside zero without one being stated.
-_BESIDE = 0.5
+#: Standard deviations by which the centre of a free motion may lie beside zero without one being stated.
+_BESIDE = 3.0
 #: What absorbs an error of a zero, whatever the law of motion: it shifts the readings.
 _OFF = "angle_offset"
+#: What is said of a column, or of several, with one number in each recording.
+_DIFFERS = "is held, and differs between recordings", "are held, and differ between recordings"
 #: Share of the steps of a held input that are none, and of its range that it jumps by.
 _HELD, _JUMP = 0.5, 0.05
 
@@ -48,7 +49,7 @@ def draft(
     Parameters
     ----------
     files : path or sequence of path
-        Recordings to fit, of the same columns; the first one is looked at.
+        Recordings to fit, of the same columns. The first one tells them; all are asked what pulls the system back.
     folder : path, optional
         Where the rig file goes: files are named from there; that of the first recording by default.
     holdout : path or sequence of path
@@ -78,21 +79,20 @@ def draft(
         raise InputError("There is no recording to draft a rig file from. Give the path of one.")
     path = fitted[0]
     place = path.parent if folder is None else as_path(folder, "folder", "Give the folder of the rig file.")
-    names = open_table(path)[0].columns
     rows: list[str] = []
+    names = open_table(path)[0].columns
     if (kind is None or KINDS[kind].has_rod) and has_columns_of_an_arm(names):
         lines = _arm(path)
     else:
-        found = find_signals(path, rate=rate, chosen=chosen)
-        time = np.arange(found.output.values.size) / (rate or 1.0) if found.time is None else found.time.si
-        guess = guess_kind(path, found, time) if kind is None else Guess(kind, "")
-        _check(path, found, guess)
+        found, *others = find_signals([*fitted, *held], rate=rate, chosen=chosen)
+        guess = guess_kind([found, *others]) if kind is None else Guess(kind, "")
+        _check(found, guess)
         if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
             found = replace(found, output=replace(found.output, unit=angle_unit(found.output.values)))
-        lines = _system(path, found, guess, time, rate)
+        lines = _system([found, *others], guess)
         if len(fitted) == 1 and found.time is not None:
-            rows = _trials(path, time, found)
-    return "\n".join([*lines, "", *_records(fitted, held, place, rows)]) + "\n"
+            rows = trial_rows(found)
+    return "\n".join([*lines, "", *record_lines(fitted, held, place, rows)]) + "\n"
 
 
 def _check_wishes(kind: str | None, rate: float | None, chosen: Mapping[str, str | None] | None) -> None:
@@ -106,28 +106,24 @@ def _check_wishes(kind: str | None, rate: float | None, chosen: Mapping[str, str
         check_names(chosen, ("time", "input", "output"), "A recording", "column for")
 
 
-def _check(path: Path, found: Signals, guess: Guess) -> None:
+def _check(found: Signals, guess: Guess) -> None:
     """Refuse a kind that does not read what was recorded."""
     if found.reads == "speed" and not KINDS[guess.kind].has_own_equations:
         raise InputError(
-            f"The output {found.output.name!r} of {path} is a speed, and {guess.kind} reads none. Leave --kind out "
-            "for a draft of a system in its own equations (docs/YOUR_SYSTEM.md), or name a position with --output."
+            f"The output {found.output.name!r} of {found.path} is a speed, and {guess.kind} reads none. Leave --kind "
+            "out for a draft of a system in its own equations (docs/YOUR_SYSTEM.md), or name a position with --output."
         )
     if KINDS[guess.kind].has_rod:
         raise InputError(
-            f"{path} lacks the columns of a flexible arm: time_s, motor_angle_rad, and tip_x_m with tip_y_m, or "
+            f"{found.path} lacks the columns of a flexible arm: time_s, motor_angle_rad, and tip_x_m with tip_y_m, or "
             "tip_angle_rad, or tip_deflection_m. Rename its columns, with any unit as the suffix."
         )
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False)
 
 
 def _top(path: Path) -> Iterator[str]:
     yield f"# Drafted by `discovery init` from {path.name}. Look at the lines that say `guessed`, correct what is"
     yield "# wrong, and see with `discovery check` what is understood."
-    yield f"name = {_text(path.stem)}"
+    yield f"name = {quoted_text(path.stem)}"
 
 
 def _arm(path: Path) -> Iterator[str]:
@@ -149,63 +145,68 @@ def _arm(path: Path) -> Iterator[str]:
     yield "# angle_noise_rad = 7e-5          # half a step of the encoder"
 
 
-def _system(path: Path, found: Signals, guess: Guess, time: FloatArray, rate: float | None) -> Iterator[str]:
-    yield from _top(path)
-    yield f"kind = {_text(guess.kind)}" + (f"   # guessed: {guess.why}" if guess.why else "")
+def _system(recordings: Sequence[Signals], guess: Guess) -> Iterator[str]:
+    found = recordings[0]
+    yield from _top(found.path)
+    yield f"kind = {quoted_text(guess.kind)}" + (f"   # guessed: {guess.why}" if guess.why else "")
     own = KINDS[guess.kind].has_own_equations
     others = [other for other, its in KINDS.items() if other != guess.kind and fits(its, found)]
     if found.reads != "speed":
         if others:
-            yield f"# or {', '.join(others)}: `discovery init {path.name} --kind KIND` declares what fits the kind"
+            again = f"discovery init {found.path.name} --kind KIND"
+            yield f"# or {', '.join(others)}: `{again}` declares what fits the kind"
         yield "# Any other system has equations of its own: docs/YOUR_SYSTEM.md"
     if KINDS[guess.kind].hangs:
         yield "# from the axis to the middle of a small bob; stated, it is held against the motion:"
         yield "# length_m = { value = 0.80, sd = 0.005 }"
     yield ""
     if own:
-        yield from (*equations(found, time), "")
+        yield from (*equations(recordings), "")
     yield "[columns]"
-    zero = _zero(found, guess, time)
-    yield from _columns(found, guess, time, rate, zero)
+    zero = _zero(recordings, guess)
+    yield from _columns(found, guess, zero)
     if found.unused:
         yield f"# not used: {_unused(found)}"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
-        yield from _base(found, found.input, time)
-    if not own:
+        yield from _base(found, found.input)
+    declared = [*KINDS[guess.kind].declared, *([] if zero is None else [_OFF])]
+    if declared or not own:
         yield ""
         yield "[model]"
         yield "# what you declare; what it lacks is searched"
-        declared = list(KINDS[guess.kind].declared)
         if zero is not None:
             yield f"# {_OFF} fits what the guessed zero is off by: take it out where you state a zero that you measured"
-            declared.append(_OFF)
-        yield f"effects = [{', '.join(map(_text, declared))}]"
+        yield f"effects = [{', '.join(map(quoted_text, declared))}]"
 
 
 def _unused(found: Signals) -> str:
     """Name the columns that are left, and say of which ones nothing but the user can tell whether they drive."""
     said = [", ".join(name for name in found.unused if name not in found.still)[:300]]
-    if found.still:
-        several = "never change: name one" if len(found.still) > 1 else "never changes: name it"
-        said.append(f"{', '.join(found.still)[:300]} ({several} with --input if it drives)")
+    for differs, one, several in ((False, "never changes", "never change"), (True, *_DIFFERS)):
+        names = [name for name in found.still if (name in found.differ) is differs]
+        if names:
+            say = f"{one}: name it" if len(names) == 1 else f"{several}: name one"
+            said.append(f"{', '.join(names)[:300]} ({say} with --input if it drives)")
     return ", ".join(filter(None, said))
 
 
-def _base(found: Signals, base: Signal, time: FloatArray) -> Iterator[str]:
+def _base(found: Signals, base: Signal) -> Iterator[str]:
     """Say that the output counts from the base, and how a motion against the floor is declared."""
-    relative = is_relative(time, found.output.si, base.si)
+    relative = is_relative(found.seconds, found.output.si, base.si)
     yield f"# The output is read as relative to the base, {base.name!r}. {LOOKS[relative]}"
     yield "# If it was measured against the floor, remove the line `kind` and the table [model], and declare instead:"
-    yield from (f"# {line}".rstrip() for line in equations(replace(found, moved=True), time))
+    yield from (f"# {line}".rstrip() for line in equations([replace(found, moved=True)]))
 
 
-def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None, zero: float | None) -> Iterator[str]:
+def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
+    time = found.seconds
     if found.header:
-        yield f"header = [{', '.join(map(_text, found.header))}]   # the file has no line of names: name every column"
+        names = ", ".join(map(quoted_text, found.header))
+        yield f"header = [{names}]   # the file has no line of names: name every column"
     span = time[-1] - time[0]
     size = f"{time.size} readings, {figures(span, 4)} s, about {figures((time.size - 1) / span, 4)} a second"
     if found.time is None:
-        yield f"time = {{ rate_hz = {rate:g} }}   # {size}"
+        yield f"time = {{ rate_hz = {found.rate:g} }}   # {size}"
     else:
         yield f"{_column('time', found.time)}   # {_guessed(found.time)}{size}"
     if found.input is not None:
@@ -213,15 +214,16 @@ def _columns(found: Signals, guess: Guess, time: FloatArray, rate: float | None,
         between, why = ("", []) if differentiated else _between(found.input)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
+        if found.input.name in found.differ:
+            yield f"# guessed as the input: it {_DIFFERS[0]}. Remove the line if it does not drive"
     more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'
     yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{so}{_range(found.output)}"
-    scatter, step = estimate_noise(found.output.values, time), quantum(found.output.values, time)
-    noise = max(scatter, resolution(found.output.values, time) if step > 0.0 else 0.0)
+    noise, step = _noise(found)
     shown = figures(noise, 2) if noise > 0.0 else "0.1"
     unit = "" if found.output.unit == "1" else f" {found.output.unit}"
-    if noise > scatter:
+    if step > 0.0:
         yield f"# It reads in steps of {figures(step, 3)}{unit}. The sd of rounding, {shown}{unit}, is taken as noise."
     elif noise > 0.0:
         yield f"# Its readings scatter by {shown}{unit} from one to the next, which is taken as their noise."
@@ -241,7 +243,7 @@ def _between(given: Signal) -> tuple[str, list[str]]:
 
 
 def _column(role: str, signal: Signal, more: str = "") -> str:
-    return f"{role} = {{ name = {_text(signal.name)}, unit = {_text(signal.unit)}{more} }}"
+    return f"{role} = {{ name = {quoted_text(signal.name)}, unit = {quoted_text(signal.unit)}{more} }}"
 
 
 def _guessed(signal: Signal) -> str:
@@ -255,42 +257,21 @@ def _range(signal: Signal) -> str:
     return f"{figures(float(np.nanmin(signal.values)), 4)} to {figures(float(np.nanmax(signal.values)), 4)}"
 
 
-def _zero(found: Signals, guess: Guess, time: FloatArray) -> float | None:
-    """Return the reading about which it goes, where a system that may rest anywhere is read far beside zero."""
-    if not KINDS[guess.kind].rests_anywhere or found.input is not None or si_symbol(found.output.unit) == "s":
+def _zero(recordings: Sequence[Signals], guess: Guess) -> float | None:
+    """Return the reading about which it goes, where a system that may rest anywhere is read beside zero."""
+    found, its = recordings[0], KINDS[guess.kind]
+    if found.input is not None or si_symbol(found.output.unit) == "s":
         return None
-    values = found.output.values
-    rest = centre_of(time, values, estimate_noise(values, time))
-    return rest if abs(rest) > _BESIDE * float(np.nanmax(values) - np.nanmin(values)) / 2.0 else None
+    sprung = its.has_own_equations and found.reads != "speed" and swing_of(recordings) is not None
+    if not (its.rests_anywhere or sprung):
+        return None
+    centre = centre_of(found.seconds, found.output.values, _noise(found)[0])
+    return centre.at if abs(centre.at) > _BESIDE * centre.sd else None
 
 
-def _records(files: Sequence[Path], holdout: Sequence[Path], folder: Path, which: Sequence[str] = ()) -> Iterator[str]:
-    def parts(paths: Sequence[Path], rows: Sequence[str]) -> str:
-        return ", ".join(f"{{ file = {_text(_from(folder, path))}{part} }}" for path in paths for part in rows)
-
-    yield "[records]"
-    kept = which[-1:] if which and not holdout else []
-    if which:
-        yield "# guessed: the times begin again with each trial" + (", and the last one judges" if kept else "")
-    yield f"train = [{parts(files, which[: len(which) - len(kept)] or [''])}]"
-    if holdout or kept:
-        yield f"holdout = [{parts(holdout or files, kept or [''])}]   # never fitted"
-    else:
-        yield "# Without a hold-out the last third of each is kept out of the fit. Another motion judges better:"
-        yield '# holdout = [{ file = "another.csv" }]'
-
-
-def _trials(path: Path, time: FloatArray, found: Signals) -> list[str]:
-    """Return how the rows of each trial of a file are picked."""
-    column, values = trials(open_table(path)[0], time, found.unused)
-    said = (_text(value) if isinstance(value, str) else f"{value:.12g}" for value in values)
-    return [f", where = {{ {_key(column)} = {value} }}" for value in said]
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
-
-
-def _from(folder: Path, path: Path) -> str:
-    """Name a file as seen from a folder."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+def _noise(found: Signals) -> tuple[float, float]:
+    """Return the noise of a reading, no less than that of its steps, and the step if that is what it is."""
+    values, time = found.output.values, found.seconds
+    scatter, step = estimate_noise(values, time), quantum(values, time)
+    rounding = resolution(values, time) if step > 0.0 else 0.0
+    return max(scatter, rounding), step if rounding > scatter else 0.0

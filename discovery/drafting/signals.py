@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,19 +54,28 @@ class Signal:
 class Signals:
     """What a file holds: times (None where a rate is stated), what drives the system, and its motion.
 
-    `header` are names given to the columns of a file without names. The input is the motion of a base where it is
-    `moved`; the name of the output says that it `reads` a ``"height"``, ``"speed"``, ``"acceleration"``, or something
-    else. Of the columns that are `unused`, some are `still`: numbers that never change.
+    `header` are names given to the columns of a file without names, and `rate` [Hz] is that of one without times. The
+    input is the motion of a base where it is `moved`; the name of the output says that it `reads` a ``"height"``,
+    ``"speed"``, ``"acceleration"``, or something else. Of the columns that are `unused`, some are `still`: numbers that
+    never change, and may yet be an input. What `differ` are those that do between recordings, be one the input.
     """
 
+    path: Path
     header: tuple[str, ...]
     time: Signal | None
+    rate: float | None
     input: Signal | None
     output: Signal
     moved: bool
     reads: str
     unused: tuple[str, ...]
     still: tuple[str, ...]
+    differ: tuple[str, ...] = ()
+
+    @property
+    def seconds(self) -> FloatArray:
+        """The times [s] of the readings (n,)."""
+        return np.arange(self.output.values.size) / (self.rate or 1.0) if self.time is None else self.time.si
 
 
 def open_table(path: Path) -> tuple[Table, tuple[str, ...]]:
@@ -75,15 +84,54 @@ def open_table(path: Path) -> tuple[Table, tuple[str, ...]]:
     return read_table(path, header or None), header
 
 
-def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, str | None] | None = None) -> Signals:
-    """Tell the signals of a file apart; without times, it has a `rate` of readings [Hz].
+def find_signals(
+    paths: Sequence[Path], *, rate: float | None = None, chosen: Mapping[str, str | None] | None = None
+) -> list[Signals]:
+    """Tell the signals of recordings of one system apart; without times, they have a `rate` of readings [Hz].
 
-    `chosen` are columns that the user names, by ``"time"``, ``"input"`` and ``"output"``. InputError if there are no
-    times and no rate, no output, or several columns could be it.
+    The columns of the first one, and their units, are those of all. Where nothing in it drives, a cause does that is
+    held, and at another value in another recording. `chosen` are columns that the user names, by ``"time"``,
+    ``"input"`` and ``"output"``. InputError if there are no times and no rate, no output, or several columns could be
+    it.
     """
-    table, header = open_table(path)
     wanted = {role: name for role, name in (chosen or {}).items() if name is not None}
-    columns = _numbers(table, set(wanted.values()) if wanted.keys() >= _NEEDED else None)
+    first = _in_file(paths[0], rate, wanted)
+    differ = _differing(paths, first.still)
+    held = _first(differ, {name: meaning_of(name) for name in differ}, ("cause",), None)
+    if first.input is None and held is not None:
+        first = _in_file(paths[0], rate, {**wanted, "input": held})
+    first = replace(first, differ=differ)
+    signals = {"time": first.time, "input": first.input, "output": first.output}
+    named = {role: signal.name for role, signal in signals.items() if signal is not None}
+    others = (_in_file(path, rate, named) for path in paths[1:])
+    return [first, *(_alike(first, other) for other in others)]
+
+
+def _differing(paths: Sequence[Path], names: Sequence[str]) -> tuple[str, ...]:
+    """Return which columns that never change in the first file hold another number in another one."""
+    if len(paths) < 2 or not names:
+        return ()
+    files = [_numbers(open_table(path)[0], set()) for path in paths]
+    in_all = [name for name in names if all(name in file for file in files)]
+    return tuple(name for name in in_all if len({v for file in files for v in _ends(file[name])}) > 1)
+
+
+def _alike(first: Signals, other: Signals) -> Signals:
+    """Return the signals of another recording in the units of the first."""
+
+    def read(known: Signal | None, found: Signal | None) -> Signal | None:
+        return None if known is None or found is None else replace(found, unit=known.unit)
+
+    output = replace(other.output, unit=first.output.unit)
+    time, given = read(first.time, other.time), read(first.input, other.input)
+    return replace(other, time=time, input=given, output=output, moved=first.moved)
+
+
+def _in_file(path: Path, rate: float | None, wanted: Mapping[str, str]) -> Signals:
+    """Tell the signals of one file apart, of which some columns are named by their roles."""
+    table, header = open_table(path)
+    told = wanted.keys() | (set() if rate is None else {"time"})
+    columns = _numbers(table, set(wanted.values()) if told >= _NEEDED else None)
     if table.lines.size and table.lines.size < _FEWEST:
         raise InputError(f"{path} has too few rows of readings ({table.lines.size}). Export the recording again.")
     for name in wanted.values():
@@ -100,14 +148,16 @@ def find_signals(path: Path, *, rate: float | None = None, chosen: Mapping[str, 
     if output is None:
         raise InputError(f"{path} has no column that could be the output. Name one with --output. {_list(columns)}")
     read = _signal(output, columns, meanings, "output")
-    still = [name for name, values in columns.items() if not _changes(values)]
+    still = [name for name, values in columns.items() if meanings[name].role != "other" and not _changes(values)]
     if given is None and meanings[output].role not in _NO_PLACES and runs_on(read.si, read.unit):
         # What goes on and on is driven, be it by a constant.
         given = _input([name for name in still if np.nanmax(np.abs(columns[name])) > 0.0], meanings, output)
     used = {time, given, output}
     return Signals(
+        path,
         header,
         None if time is None else _signal(time, columns, meanings, "time"),
+        rate,
         input=None if given is None else _signal(given, columns, meanings, "input"),
         output=read,
         moved=given is not None and meanings[given].role == "moved",
@@ -122,7 +172,12 @@ def _varies(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
 
 
 def _changes(values: FloatArray) -> bool:
-    return bool(np.nanmax(values) > np.nanmin(values))
+    least, largest = _ends(values)
+    return largest > least
+
+
+def _ends(values: FloatArray) -> tuple[float, float]:
+    return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def _numbers(table: Table, used: set[str] | None) -> dict[str, FloatArray]:
