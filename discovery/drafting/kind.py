@@ -81,8 +81,9 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         return Guess("oscillator", "an acceleration does not tell whether anything pulls it back")
     swing = swing_of(recordings)
     if swing is None:
-        looked = name if len(recordings) == 1 else f"{len(recordings)} recordings"
-        return Guess("drive", f"an input moves it, and {looked} shows no swing about a place of rest")
+        looked = name if len(recordings) == 1 else f"none of {len(recordings)} recordings"
+        shows = "shows no swing" if len(recordings) == 1 else "shows a swing"
+        return Guess("drive", f"an input moves it, and {looked} {shows} about a place of rest")
     back = f"in {swing.path.name} it swings about its rest, once in about {swing.period:.3g} s"
     return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)
 
