@@ -17,6 +17,7 @@ from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
 from discovery.drafting.rig_text import draft
 from discovery.foundation.errors import InputError
+from discovery.foundation.estimate_text import figures
 from discovery.recordings.dataset import load_dataset
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig_file import read_rig
@@ -159,6 +160,10 @@ def test_an_angle_that_turns_on_and_on_is_that_of_a_drive(tmp_path: Path) -> Non
     assert document["kind"] == "drive"
     assert document["columns"]["input"] == {"name": "duty", "unit": "1", "interpolation": "hold"}
     assert drafted(written(tmp_path, "b.csv", "t_s,angle_deg", TIME, np.degrees(angle)))["kind"] == "system"
+    # So does one whose encoder counts within a turn.
+    document = drafted(written(tmp_path, "d.csv", "t_s,duty,angle_deg", TIME, HELD, np.degrees(angle) % 360.0))
+    assert document["kind"] == "drive"
+    assert f"# 0 to {figures(float(np.degrees(angle[-1])), 4)}" in (tmp_path / "rig.toml").read_text()
     whirled = written(tmp_path, "c.csv", "t_s,duty,angle_rad", TIME, np.full(TIME.size, 0.8), SWING)
     assert drafted(whirled)["kind"] == "pendulum"
 

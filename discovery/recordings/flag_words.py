@@ -159,8 +159,8 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "turns_joined": (
         "note",
-        "The angle jumps by full turns in {count:place|places}, first at sample {first}, counted from 0: the turns are "
-        "joined.",
+        "The angle {column!r} jumps by full turns in {count:place|places}, first at sample {first}, counted from 0: "
+        "the turns are joined.",
     ),
     "angle_unit": (
         IMPOSSIBLE,
