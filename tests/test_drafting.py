@@ -12,13 +12,14 @@ from scipy.integrate import solve_ivp
 from test_cli import call
 
 from discovery.drafting.centre import centre_of
-from discovery.drafting.law_of_motion import is_relative, own_period, runs_on
+from discovery.drafting.law_of_motion import is_relative, own_period
 from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
 from discovery.drafting.rig_text import draft
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
 from discovery.recordings.dataset import load_dataset
+from discovery.recordings.running_on import runs_on
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig_file import read_rig
 

@@ -11,11 +11,12 @@ import numpy.typing as npt
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
-from discovery.drafting.law_of_motion import FloatArray, own_period, rates_of, runs_on
+from discovery.drafting.law_of_motion import FloatArray, own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
+from discovery.recordings.running_on import runs_on
 from discovery.rigs.kinds import Kind
 
 #: Which derivative of a coordinate is read, by the unit of the output.

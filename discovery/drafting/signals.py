@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.units import si_factor, si_symbol
-from discovery.drafting.law_of_motion import runs_on
 from discovery.drafting.names import Meaning, meaning_of, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
+from discovery.recordings.running_on import runs_on
 from discovery.recordings.turns import joined_turns
 
 #: Of a step, by which sampled times may differ.

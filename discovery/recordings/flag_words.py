@@ -61,14 +61,19 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "held": (
         "left_out",
-        "{column!r} stands still at {level:unit} until {until:.4g} s, away from where it comes to rest: something "
-        "holds the body. The recording is taken from its release on, as with samples = {part}.",
+        "{column!r} stands still at {level:unit} until {until:.4g} s and then leaves: something holds the body until "
+        "then. The recording is taken from its release on, as with samples = {part}.",
     ),
     "held_long": (
         "doubt",
-        "{column!r} stands still at {level:unit} until {until:.4g} s, away from where it comes to rest: something "
-        "holds the body, and little is left after its release. Record more of the motion, and take it with samples = "
-        "{part}.",
+        "{column!r} stands still at {level:unit} until {until:.4g} s and then leaves: something holds the body until "
+        "then, and little is left after its release. Record more of the motion, and take it with samples = {part}.",
+    ),
+    "runs_on": (
+        "doubt",
+        "{column!r} stands still until {until:.4g} s and then runs on in one direction to the end, as what is driven "
+        'does and nothing pulls back. Declare what drives it as the input of kind = "drive", or, where that was not '
+        "recorded, a constant force in a table [system] (docs/YOUR_SYSTEM.md).",
     ),
     "times_irregular": (
         "note",

@@ -148,8 +148,8 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     Returns
     -------
     SteadyClock or None
-        None where no clock does, where stamps are off by too little to matter, where readings that move are rougher on it, and where every stamp
-        lies halfway between two of its decimals;
+        None where no clock does, where stamps are off by too little to matter, where every one lies halfway between two
+        of its decimals, and where readings that move are rougher on it;
         also where stamps are missing or go back, and where a row stands twice.
 
     Examples
