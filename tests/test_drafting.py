@@ -427,6 +427,18 @@ def test_equations_of_a_system_are_drafted_on_demand(tmp_path: Path) -> None:
         draft([written(tmp_path, "c.csv", "time_s,x_pixel", TIME, SWING)], tmp_path, kind="system")
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_runs_on_without_an_input_is_drafted_with_a_constant_torque(way: float, tmp_path: Path) -> None:
+    """Of theta'' = b - 5 theta' with b = 60, a torque that the guess has the sign and the size of."""
+    angle = 2.0 + way * 12.0 * (TIME - 0.2 * (1.0 - np.exp(-5.0 * TIME)))
+    document = drafted(written(tmp_path, "a.csv", "t_s,angle_deg", TIME, np.degrees(angle) % 360.0), kind="system")
+    assert document["system"]["forces"] == {"angle": "steady_push"}
+    guess = document["system"]["constants"]["steady_push"]["guess"]
+    assert 15.0 < way * guess < 120.0
+    swing = drafted(written(tmp_path, "b.csv", "t_s,angle_rad", TIME, SWING), kind="system")
+    assert "forces" not in swing["system"]
+
+
 def test_a_draft_offers_only_kinds_that_fit_and_says_how(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "time_s,angle_deg", TIME, 30.0 * SWING)
     text = draft([path], tmp_path)

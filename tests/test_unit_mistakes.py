@@ -192,6 +192,13 @@ def test_zero_and_scale_apply_to_the_column(tmp_path):
         ),
         (pendulum(), swing(0.3), 1e-3 * T, ["column 't'", "as if it were", "unit of the time"]),
         (pendulum(unit="deg"), np.degrees(swing(0.3)) + 180.0, T, ["about 179.8 deg", "set zero = 180 (in the unit"]),
+        (
+            pendulum(),
+            2.6 + 0.04 * T,
+            T,
+            ["upright", "runs on in one direction", "a constant force in a table [system]"],
+        ),
+        (pendulum(), 2.6 + 2.0 * T, T, ["to and fro by", 'input of kind = "drive"']),
         (pendulum(Quantity(0.03, 1e-3)), swing(0.3), T, ["the rig file states 0.03 m"]),
     ],
 )

@@ -159,6 +159,8 @@ def _body(found: Signals, time: FloatArray, output: str) -> Iterator[str]:
     given = None if found.input is None else found.input.si
     period = None if output != at and given is not None else own_period(time, found.output.si, given)
     springs = base or period is not None
+    steady = unit is None and output == at and not springs and runs_on(found.output.si, "1")
+    given = np.ones_like(time) if steady else given
     way, slip = (f"({at} - base)", f"({rate} - dot(base))") if base else (at, rate)
     yield "[system]   # each line is an example, guessed: correct it; docs/YOUR_SYSTEM.md"
     yield f'coordinates = {{ {at} = "{body.unit}" }}'
@@ -169,6 +171,8 @@ def _body(found: Signals, time: FloatArray, output: str) -> Iterator[str]:
     yield f'dissipation = "damping*{slip}^2/2"'
     if unit is not None and not base:
         yield f'forces = {{ {at} = "{"drive" if force else "gain*drive"}" }}'
+    elif steady:
+        yield f'forces = {{ {at} = "steady_push" }}   # constant: it runs on, and no input was recorded'
     yield f'output = "{output}"'
     yield f'places = {{ {"spring" if springs else "body"} = "{way.strip("()")}" }}   # where effects may act'
     yield ""
@@ -178,6 +182,8 @@ def _body(found: Signals, time: FloatArray, output: str) -> Iterator[str]:
         else rates_of(time, found.output.si, given, speed=output == rate, spring=springs)
     )
     yield from _constants(body, period if springs else 0.0, d, b, None if base or force else unit, force)
+    if steady:
+        yield f'steady_push = {{ guess = {b:.3g}, unit = "{body.force}" }}'
 
 
 def _constants(

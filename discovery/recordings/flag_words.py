@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from discovery.recordings.running_on import DRIVEN
+
 UNDERSTATED, OVERSTATED, MISREAD = "noise_understated", "noise_overstated", "columns_misread"
 #: Severity of a flag that refutes what the rig file declares.
 IMPOSSIBLE = "impossible"
@@ -72,8 +74,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "runs_on": (
         "doubt",
         "{column!r} stands still until {until:.4g} s and then runs on in one direction to the end, as what is driven "
-        'does and nothing pulls back. Declare what drives it as the input of kind = "drive", or, where that was not '
-        "recorded, a constant force in a table [system] (docs/YOUR_SYSTEM.md).",
+        f"does and nothing pulls back. {DRIVEN}",
     ),
     "times_irregular": (
         "note",

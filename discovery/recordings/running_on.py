@@ -7,6 +7,11 @@ import numpy as np
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arrays import FloatArray
 
+#: What to do about a motion that does.
+DRIVEN = (
+    'Declare what drives it as the input of kind = "drive", or, where that was not recorded, a constant force in a '
+    "table [system], as `discovery init --kind system` drafts it (docs/YOUR_SYSTEM.md)."
+)
 #: What runs on goes back over less than so much of its way. An angle goes through more than two turns, anything else is
 #: at the end, in so much of the time, no slower than so much of its mean speed.
 _TURNS, _BACK, _END, _SLOWER = 4.0 * np.pi, 0.1, 0.25, 0.5

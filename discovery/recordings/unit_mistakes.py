@@ -9,6 +9,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.gravity_scale import slow_fall
+from discovery.recordings.running_on import DRIVEN, runs_on
 from discovery.rigs.rig import Rig
 
 _FULL_TURN = 2.0 * np.pi
@@ -42,6 +43,7 @@ def check_units(found: Signals, rig: Rig) -> None:
 def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> None:
     """Refuse a swing that gravity cannot have made; `largest` is the largest reading as it stands in the column."""
     unit = rig.columns.output.unit
+    driven = f" The motion runs on in one direction. {DRIVEN}" if runs_on(angle, "1") else ""
     swing = float(np.quantile(angle, 0.98) - np.quantile(angle, 0.02))
     # One that first turns over does so in one sense: its later half tells.
     later = angle[angle.size // 2 :]
@@ -52,7 +54,7 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
             remedy = "Correct the unit of the output in the rig file, or leave out what is no swing with samples."
         raise InputError(
             f"{where}: the pendulum would swing to and fro by more than a full turn, and the largest reading would be "
-            f"{largest:.4g} {unit}. {remedy}"
+            f"{largest:.4g} {unit}. {remedy}{driven}"
         )
     if abs(float(np.median(later))) > 0.5 * np.pi:
         given = rig.columns.output
@@ -60,7 +62,7 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
         raise InputError(
             f"{where}: the pendulum would swing about {quoted(float(np.median(later)), unit, 4)}, that is upright. If "
             f"the angle is counted from upright, set zero = {upright:.9g} (in the unit of the column) "
-            "for the output in the rig file."
+            f"for the output in the rig file.{driven}"
         )
     scatter = float(np.median(np.abs(angle - np.median(angle))))
     # Of a swing that lasts for a small part of the record, medians see only the noise after it. The rms sees only a few
