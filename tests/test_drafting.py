@@ -12,12 +12,14 @@ from scipy.integrate import solve_ivp
 from test_cli import call
 
 from discovery.drafting.centre import centre_of
-from discovery.drafting.law_of_motion import is_relative, own_period, runs_on
+from discovery.drafting.law_of_motion import is_relative, own_period
 from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
 from discovery.drafting.rig_text import draft
 from discovery.foundation.errors import InputError
+from discovery.foundation.estimate_text import figures
 from discovery.recordings.dataset import load_dataset
+from discovery.recordings.running_on import runs_on
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig_file import read_rig
 
@@ -171,6 +173,10 @@ def test_an_angle_that_turns_on_and_on_is_that_of_a_drive(tmp_path: Path) -> Non
     assert document["kind"] == "drive"
     assert document["columns"]["input"] == {"name": "duty", "unit": "1", "interpolation": "hold"}
     assert drafted(written(tmp_path, "b.csv", "t_s,angle_deg", TIME, np.degrees(angle)))["kind"] == "system"
+    # So does one whose encoder counts within a turn.
+    document = drafted(written(tmp_path, "d.csv", "t_s,duty,angle_deg", TIME, HELD, np.degrees(angle) % 360.0))
+    assert document["kind"] == "drive"
+    assert f"# 0 to {figures(float(np.degrees(angle[-1])), 4)}" in (tmp_path / "rig.toml").read_text()
     whirled = written(tmp_path, "c.csv", "t_s,duty,angle_rad", TIME, np.full(TIME.size, 0.8), SWING)
     assert drafted(whirled)["kind"] == "pendulum"
 
@@ -513,6 +519,18 @@ def test_equations_of_a_system_are_drafted_on_demand(tmp_path: Path) -> None:
     assert document["system"]["constants"]["gain"]["guess"] == pytest.approx(1.0, rel=0.05)
     with pytest.raises(InputError, match=r"docs/YOUR_SYSTEM\.md"):
         draft([written(tmp_path, "c.csv", "time_s,x_pixel", TIME, SWING)], tmp_path, kind="system")
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_runs_on_without_an_input_is_drafted_with_a_constant_torque(way: float, tmp_path: Path) -> None:
+    """Of theta'' = b - 5 theta' with b = 60, a torque that the guess has the sign and the size of."""
+    angle = 2.0 + way * 12.0 * (TIME - 0.2 * (1.0 - np.exp(-5.0 * TIME)))
+    document = drafted(written(tmp_path, "a.csv", "t_s,angle_deg", TIME, np.degrees(angle) % 360.0), kind="system")
+    assert document["system"]["forces"] == {"angle": "steady_push"}
+    guess = document["system"]["constants"]["steady_push"]["guess"]
+    assert 15.0 < way * guess < 120.0
+    swing = drafted(written(tmp_path, "b.csv", "t_s,angle_rad", TIME, SWING), kind="system")
+    assert "forces" not in swing["system"]
 
 
 def test_a_draft_offers_only_kinds_that_fit_and_says_how(tmp_path: Path) -> None:

@@ -64,6 +64,42 @@ def test_what_is_no_hold_stays_whole() -> None:
     assert release(T, swing(10.0), 0.05) == pytest.approx(1000, abs=6)
 
 
+KINDS = {
+    "pendulum": 'kind = "pendulum"',
+    "oscillator": 'kind = "oscillator"',
+    "system": '[system]\ncoordinates = { angle = "rad" }\nkinetic = "inertia*dot(angle)^2/2"\n'
+    'forces = { angle = "torque" }\noutput = "angle"\nplaces = { shaft = "angle" }\n[system.constants]\n'
+    'inertia = { value = 1e-4, unit = "kg m^2" }\ntorque = { guess = 1e-3, unit = "N m" }',
+}
+
+
+def switched_on(speed: float, at: float) -> NDArray[np.float64]:
+    """Return the angle of a motor that reaches a `speed` [deg/s] after it is switched on [deg]."""
+    t = np.maximum(T[:300] - at, 0.0)
+    return speed * (t - 0.15 * (1.0 - np.exp(-t / 0.15))) + 0.05 * np.random.default_rng(1).standard_normal(t.size)
+
+
+@pytest.mark.parametrize(("kind", "speed"), [(kind, 30.0) for kind in KINDS] + [("oscillator", 370.0), ("system", 1e3)])
+def test_what_stands_still_and_then_runs_on_is_held_for_every_kind(tmp_path: Path, kind: str, speed: float) -> None:
+    rig = FREE.replace('kind = "oscillator"', KINDS[kind]).replace('"mm"', '"deg"')
+    recording = loaded(tmp_path, rig, t=T[:300], x=switched_on(speed, 0.5) % 360.0).train[0].recording
+    assert recording.time[0] == pytest.approx(0.6, abs=0.1)
+    told = {flag.code: flag for flag in recording.flags}
+    assert ("held" in told, "runs_on" in told) == (True, kind != "system")
+    if kind != "system":
+        assert told["runs_on"].severity == "doubt"
+        assert "a constant force in a table [system]" in told["runs_on"].sentence
+
+
+def test_a_body_that_is_dropped_late_is_held(tmp_path: Path) -> None:
+    t = 0.004 * np.arange(300)
+    height = 3.0 - 0.5 * 9.81 * np.maximum(t - 0.5, 0.0) ** 2 + 1e-4 * np.random.default_rng(1).standard_normal(t.size)
+    rig = FREE.replace("oscillator", "falling_body").replace('"mm", noise = 0.05', '"m"')
+    recording = loaded(tmp_path, rig, t=t, x=height).train[0].recording
+    assert recording.time[0] == pytest.approx(0.53, abs=0.04)
+    assert [flag.code for flag in recording.flags if flag.severity in ("left_out", "doubt")] == ["held"]
+
+
 def test_a_gap_that_hides_the_input_splits_the_recording(tmp_path: Path) -> None:
     data = loaded(tmp_path, DRIVEN, **driven((T < 5.0) | (T > 6.2)))
     assert [(e.recording.time[0], e.recording.time.size) for e in data.train] == [(0.0, 500), (6.21, 879)]

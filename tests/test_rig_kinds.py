@@ -162,6 +162,10 @@ def test_records_pick_rows_and_have_names(read):
     [
         (f'name = "a"\nkind = "base_excited"\n{FREE}', "input is the motion of the base or hub, but declares none"),
         (
+            f'name = "a"\nkind = "drive"\n{FREE}',
+            r"whose input is the force, but declares none.*not recorded, .*drafts a constant one",
+        ),
+        (
             f'name = "a"\nkind = "base_excited"\n{DRIVEN}',
             r"line 5: the base moves in 'V' and the deflection is in 'mm', so that they cannot be added",
         ),

@@ -73,6 +73,30 @@ def test_readings_that_were_taken_at_the_stamps_keep_them() -> None:
     assert steady_clock(ticks, [swing(FILM) + NOISE]) is not None
 
 
+def test_a_body_that_rests_does_not_hide_what_its_motion_tells() -> None:
+    ticks = np.round(FILM, 2)
+    for begin in (3.0, 4.5, 6.0):  # it rests for up to two thirds
+        for time, taken_on_the_clock in ((ticks, False), (FILM, True)):
+            motion = swing(np.maximum(time - begin, 0.0)) + NOISE
+            assert (steady_clock(ticks, [motion]) is not None) == taken_on_the_clock
+            motion[[20, 130]] += 50.0  # wild readings
+            assert (steady_clock(ticks, [motion]) is not None) == taken_on_the_clock
+
+
+def test_an_input_that_jumps_does_not_tell_what_is_smooth() -> None:
+    rng = np.random.default_rng(3)
+    for at in rng.integers(5, FILM.size - 5, (40, 3)):
+        held = np.cumsum(np.isin(np.arange(FILM.size), at) * rng.uniform(-1.0, 1.0, FILM.size))
+        assert steady_clock(np.round(FILM, 2), [held, swing(FILM) + NOISE]) is not None
+
+
+def test_even_stamps_of_which_some_are_off_by_one_have_no_clock_between_them() -> None:
+    ticks = 10.0 * np.arange(150)
+    ticks[[52, 90, 91]] += 1.0
+    assert steady_clock(ticks, [np.zeros(150)]) is None
+    assert steady_clock(np.round(np.arange(150) / 8.0, 2)) is not None  # every other one between two decimals
+
+
 def test_stamps_that_are_off_by_nothing_that_matters_stay() -> None:
     assert steady_clock(np.round(FILM, 5)) is None
     assert steady_clock(np.arange(100) / 50) is None

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from discovery.foundation.errors import InputError
 from discovery.recordings.recording import read_recording
-from discovery.recordings.unit_mistakes import near_hanging
+from discovery.recordings.turns import joined_turns, near_hanging
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
 
 T = np.arange(0.0, 30.0, 0.02)
@@ -98,6 +98,68 @@ def test_readings_that_jump_often_are_kept(tmp_path):
     assert near_hanging(angle)[0] is angle
 
 
+ENCODER = np.radians(0.088)
+SPINS = {
+    "up": 4.0 + 6.0 * (T - 1.0 + np.exp(-T)),
+    "back": 4.0 - 7.0 * T,
+    "to and fro": 4.0 + 9.0 * np.sin(0.7 * T),
+    "at rest": 2e-3 * np.random.default_rng(1).standard_normal(T.size),
+}
+
+
+@pytest.mark.parametrize("spin", SPINS.values(), ids=SPINS.keys())
+def test_an_angle_that_is_counted_within_a_turn_goes_on_from_its_first_reading(spin):
+    counted = np.round(spin / ENCODER) * ENCODER % (2 * np.pi)
+    read = (np.arange(T.size) % 97 != 60) & ~((T > 4.0) & (T < 4.1))
+    for keep in (np.full(T.size, True), read):
+        empty = np.where(keep, counted, np.nan)
+        for time, angle in ((T, empty), (T[keep], counted[keep])):  # cells that are empty, rows that are missing
+            joined, (flag,) = joined_turns(angle, time, "shaft")
+            good = np.isfinite(angle)
+            assert joined[0] == angle[0]
+            away = joined[good] - (spin[keep] - spin[0] + angle[0])
+            assert np.abs(away).max() < 2 * ENCODER
+            assert flag.sentence.startswith("The angle 'shaft' jumps by full turns in ")
+    half = np.where(counted < np.pi, counted, counted - 2 * np.pi)
+    np.testing.assert_allclose(np.diff(joined_turns(half, T)[0]), np.diff(joined_turns(counted, T)[0]), atol=1e-9)
+
+
+def test_nearly_half_a_turn_a_reading_is_joined():
+    fast = 4.0 + 0.45 * 2 * np.pi * np.arange(T.size)
+    np.testing.assert_allclose(joined_turns(fast % (2 * np.pi), T)[0], fast, atol=1e-9)
+
+
+def test_jumps_that_are_no_turn_are_kept():
+    levels = np.where(T % 4.0 < 2.0, -2.0, 2.5) + ENCODER * np.round(np.sin(T))
+    pulses = 2 * np.pi * np.floor(T)  # one mark a turn
+    wild = np.sin(T)
+    wild[500] += 4.2
+    coarse = np.radians(120.0) * np.round(0.5 * T)
+    gearless = 2 * np.pi * 0.7 * np.arange(T.size)  # counted beyond a turn, read less than twice in one
+    for angle in (levels, pulses, wild, coarse, gearless, SPINS["up"], np.full(T.size, np.nan)):
+        assert joined_turns(angle, T) == (pytest.approx(angle, abs=0.0, nan_ok=True), [])
+        assert joined_turns(angle, T)[0] is angle
+
+
+def test_turns_are_joined_of_all_angles_that_are_measured_and_of_no_command(tmp_path):
+    turning = np.round(SPINS["up"] / ENCODER) * ENCODER
+    counted = pd.DataFrame({"t": T, "u": turning % (2 * np.pi), "a": (turning + 0.01 * np.sin(3 * T)) % (2 * np.pi)})
+    counted.to_csv(tmp_path / "p.csv", index=False)
+
+    def found(kind, unit="rad", output="rad"):
+        columns = Columns(TimeColumn("t"), InputColumn("u", unit, "spline"), OutputColumn("a", output))
+        return read_recording(tmp_path / "p.csv", Rig("r", kind=kind, columns=columns, declared=("viscous_damping",)))
+
+    moved = found("base_excited")
+    assert [flag.column for flag in moved.flags if flag.code == "turns_joined"] == ["a", "u"]
+    np.testing.assert_allclose(moved.input, turning, atol=1e-6)
+    np.testing.assert_allclose(moved.output[:, 0], turning + 0.01 * np.sin(3 * T), atol=1e-6)
+    pushed = found("drive")
+    assert [flag.column for flag in pushed.flags if flag.code == "turns_joined"] == ["a"]
+    np.testing.assert_array_equal(pushed.input, counted["u"])
+    assert "turns_joined" not in [flag.code for flag in found("drive", "N", "mm").flags]
+
+
 def test_noise_alone_is_no_swing(tmp_path):
     still = 1e-3 * np.random.default_rng(1).standard_normal(T.size)
     with pytest.raises(InputError, match=r"nothing swings\. The readings scatter by 0\.00"):
@@ -130,6 +192,13 @@ def test_zero_and_scale_apply_to_the_column(tmp_path):
         ),
         (pendulum(), swing(0.3), 1e-3 * T, ["column 't'", "as if it were", "unit of the time"]),
         (pendulum(unit="deg"), np.degrees(swing(0.3)) + 180.0, T, ["about 179.8 deg", "set zero = 180 (in the unit"]),
+        (
+            pendulum(),
+            2.6 + 0.04 * T,
+            T,
+            ["upright", "runs on in one direction", "a constant force in a table [system]"],
+        ),
+        (pendulum(), 2.6 + 2.0 * T, T, ["to and fro by", 'input of kind = "drive"']),
         (pendulum(Quantity(0.03, 1e-3)), swing(0.3), T, ["the rig file states 0.03 m"]),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,6 +57,7 @@ inertia = { value = 1.0, unit = "kg m^2" }
 loss = { guess = 5.0, unit = "N m s" }
 gain = { guess = 1.0, unit = "N m" }
 """
+DRIVE = 'name = "d"\nkind = "drive"\n'
 OSCILLATOR = 'name = "o"\nkind = "oscillator"\n'
 COLUMNS = """[columns]
 time = { name = "t", unit = "s" }
@@ -105,6 +107,21 @@ def test_a_step_from_rest_or_inputs_of_several_sizes_tell_a_gain(tmp_path, rig, 
 def test_a_constant_input_that_tells_no_gain_is_refused(tmp_path, rig, inputs, start, spring) -> None:
     with pytest.raises(InputError, match=r"throughout, so it drives nothing.*remove the input"):
         under(tmp_path, rig, inputs, start, spring)
+
+
+@pytest.mark.parametrize(
+    ("rig", "start", "zero"),
+    [
+        (DRIVE, (2.0, 0.0), 2.0),  # it begins at rest, but not at zero
+        (OSCILLATOR, (0.4, 3.0), None),
+        (MOTOR, (0.0, 6.0), None),  # a speed is counted from rest
+    ],
+)
+def test_a_step_from_rest_elsewhere_asks_for_the_zero(tmp_path, rig, start, zero) -> None:
+    with pytest.raises(InputError, match="throughout, so it drives nothing") as refused:
+        under(tmp_path, rig, [2.0], start, 0.0 if rig != OSCILLATOR else 20.0)
+    told = re.search(r"set zero = (\S+) for the output", str(refused.value))
+    assert (told and float(told[1])) == (zero and pytest.approx(zero, abs=0.01))
 
 
 @pytest.mark.parametrize(

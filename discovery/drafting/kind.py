@@ -10,10 +10,11 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
-from discovery.drafting.law_of_motion import own_period, rates_of, runs_on
+from discovery.drafting.law_of_motion import own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
+from discovery.recordings.running_on import runs_on
 from discovery.rigs.kinds import Kind
 
 #: Which derivative of a coordinate is read, by the unit of the output.
@@ -160,6 +161,8 @@ def _body(recordings: Sequence[Signals], output: str) -> Iterator[str]:
     given = None if found.input is None else found.input.si
     swing = None if output != at and given is not None else swing_of(recordings)
     springs = base or swing is not None
+    steady = unit is None and output == at and not springs and runs_on(found.output.si, "1")
+    given = np.ones_like(found.seconds) if steady else given
     way, slip = (f"({at} - base)", f"({rate} - dot(base))") if base else (at, rate)
     yield "[system]   # each line is an example, guessed: correct it; docs/YOUR_SYSTEM.md"
     yield f'coordinates = {{ {at} = "{body.unit}" }}'
@@ -170,6 +173,8 @@ def _body(recordings: Sequence[Signals], output: str) -> Iterator[str]:
     yield f'dissipation = "damping*{slip}^2/2"'
     if unit is not None and not base:
         yield f'forces = {{ {at} = "{"drive" if force else "gain*drive"}" }}'
+    elif steady:
+        yield f'forces = {{ {at} = "steady_push" }}   # constant: it runs on, and no input was recorded'
     yield f'output = "{output}"'
     yield f'places = {{ {"spring" if springs else "body"} = "{way.strip("()")}" }}   # where effects may act'
     yield ""
@@ -181,6 +186,8 @@ def _body(recordings: Sequence[Signals], output: str) -> Iterator[str]:
     yield from _constants(
         body, (swing.period if swing else None) if springs else 0.0, d, b, None if base or force else unit, force
     )
+    if steady:
+        yield f'steady_push = {{ guess = {b:.3g}, unit = "{body.force}" }}'
 
 
 def _constants(

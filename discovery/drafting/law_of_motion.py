@@ -18,11 +18,6 @@ _PASSAGES = 40
 #: Factor by which the squared error must fall with a spring in the law. Measured drives reach 1.6, what lies beside an
 #: oscillator of a laboratory or a simulation with friction, drag or play 7 and more.
 _GAIN = 4.0
-#: What runs on goes back over less than so much of its way. An angle goes through more than two turns, anything else is
-#: at the end, in so much of the time, no slower than so much of its mean speed.
-_TURNS, _BACK, _END, _SLOWER = 4.0 * np.pi, 0.1, 0.25, 0.5
-#: Readings of which the means tell which way it goes.
-_LOOKED = 50
 #: Samples of half a window, at least: noise is averaged over them.
 _SHORTEST = 8
 #: Periods that a recording must hold: a slow drift looks like the begin of a slow swing.
@@ -120,33 +115,6 @@ def rates_of(
     columns += [integral(integral(y))] if spring else []
     weights = least_squares(np.column_stack(columns), y)[1]
     return float(-weights[0]), float(weights[1])
-
-
-def runs_on(output: FloatArray, unit: str = "rad") -> bool:
-    """Return whether an output runs on and on, nearly all of the way in one direction.
-
-    An angle does that which goes through more than two turns; what has another unit is then still on its way.
-
-    `output` (n,): in the SI unit of `unit`; NaN marks gaps.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 5, 1001)
-    >>> runs_on(6.0 * t), runs_on(20.0 * np.sin(t)), runs_on(2.0 * t)
-    (True, False, False)
-    >>> runs_on(2.0 * t, "m"), runs_on(1.0 - np.exp(-t), "m")
-    (True, False)
-    """
-    read = output[np.isfinite(output)]
-    parts = np.array_split(read, min(read.size, _LOOKED))
-    steps = np.diff([part.mean() for part in parts])
-    ways = steps[steps > 0.0].sum(), -steps[steps < 0.0].sum()
-    if min(ways) >= _BACK * max(ways):
-        return False
-    if si_symbol(unit) == "rad":
-        return bool(max(ways) > _TURNS)
-    last = steps[-max(1, round(_END * steps.size)) :]
-    return bool(last.mean() / steps.mean() > _SLOWER)
 
 
 def integral_over(time: FloatArray) -> Callable[[FloatArray], FloatArray]:

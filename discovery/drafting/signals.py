@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.units import si_factor, si_symbol
-from discovery.drafting.law_of_motion import runs_on
 from discovery.drafting.names import Meaning, meaning_of, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
+from discovery.recordings.running_on import runs_on
+from discovery.recordings.turns import joined_turns
 
 #: Of a step, by which sampled times may differ.
 _JITTER = 0.05
@@ -147,24 +148,33 @@ def _in_file(path: Path, rate: float | None, wanted: Mapping[str, str]) -> Signa
         output, given = given, None  # the only signal is what was measured
     if output is None:
         raise InputError(f"{path} has no column that could be the output. Name one with --output. {_list(columns)}")
-    read = _signal(output, columns, meanings, "output")
+    instants = np.arange(columns[output].size, dtype=np.float64) if time is None else columns[time]
+    read = _joined(_signal(output, columns, meanings, "output"), instants)
     still = [name for name, values in columns.items() if meanings[name].role != "other" and not _changes(values)]
     if given is None and meanings[output].role not in _NO_PLACES and runs_on(read.si, read.unit):
         # What goes on and on is driven, be it by a constant.
         given = _input([name for name in still if np.nanmax(np.abs(columns[name])) > 0.0], meanings, output)
-    used = {time, given, output}
+    used, moved = {time, given, output}, given is not None and meanings[given].role == "moved"
     return Signals(
         path,
         header,
         None if time is None else _signal(time, columns, meanings, "time"),
         rate,
-        input=None if given is None else _signal(given, columns, meanings, "input"),
+        input=None if given is None else _joined(_signal(given, columns, meanings, "input"), instants, moved=moved),
         output=read,
-        moved=given is not None and meanings[given].role == "moved",
+        moved=moved,
         reads=meanings[output].role,
         unused=tuple(name for name in table.columns if name not in used),
         still=tuple(name for name in still if name not in used),
     )
+
+
+def _joined(signal: Signal, time: FloatArray, *, moved: bool = True) -> Signal:
+    """Return a signal, without the jumps by full turns of an angle that was measured."""
+    if not moved or si_symbol(signal.unit) != "rad":
+        return signal
+    joined, told = joined_turns(signal.si, time)
+    return replace(signal, values=joined / si_factor(signal.unit)) if told else signal
 
 
 def _varies(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> bool:

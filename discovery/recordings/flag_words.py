@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from discovery.recordings.running_on import DRIVEN
+
 UNDERSTATED, OVERSTATED, MISREAD = "noise_understated", "noise_overstated", "columns_misread"
 #: Severity of a flag that refutes what the rig file declares.
 IMPOSSIBLE = "impossible"
@@ -61,14 +63,18 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "held": (
         "left_out",
-        "{column!r} stands still at {level:unit} until {until:.4g} s, away from where it comes to rest: something "
-        "holds the body. The recording is taken from its release on, as with samples = {part}.",
+        "{column!r} stands still at {level:unit} until {until:.4g} s and then leaves: something holds the body until "
+        "then. The recording is taken from its release on, as with samples = {part}.",
     ),
     "held_long": (
         "doubt",
-        "{column!r} stands still at {level:unit} until {until:.4g} s, away from where it comes to rest: something "
-        "holds the body, and little is left after its release. Record more of the motion, and take it with samples = "
-        "{part}.",
+        "{column!r} stands still at {level:unit} until {until:.4g} s and then leaves: something holds the body until "
+        "then, and little is left after its release. Record more of the motion, and take it with samples = {part}.",
+    ),
+    "runs_on": (
+        "doubt",
+        "{column!r} stands still until {until:.4g} s and then runs on in one direction to the end, as what is driven "
+        f"does and nothing pulls back. {DRIVEN}",
     ),
     "times_irregular": (
         "note",
@@ -159,8 +165,8 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "turns_joined": (
         "note",
-        "The angle jumps by full turns in {count:place|places}, first at sample {first}, counted from 0: the turns are "
-        "joined.",
+        "The angle {column!r} jumps by full turns in {count:place|places}, first at sample {first}, counted from 0: "
+        "the turns are joined.",
     ),
     "angle_unit": (
         IMPOSSIBLE,

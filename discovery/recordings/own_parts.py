@@ -15,6 +15,7 @@ from discovery.foundation.sampling import gaps, median_step
 from discovery.recordings.flags import Flag
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.recording import Recording
+from discovery.recordings.running_on import runs_on
 from discovery.rigs.rig import RecordPart, Rig
 
 Reader = Callable[[RecordPart], Recording]
@@ -25,6 +26,7 @@ _SHORTEST = 100  # readings of a part
 _HELD = 8  # readings that tell where a body is held
 _STILL, _OF_WAY = 5.0, 0.02  # noise sds, and share of the way to rest, within which it stands still
 _FAR = 20.0  # noise sds from rest
+_PARTS = (0.5, 0.25, 0.125)  # of the way to rest, looked at in its place
 
 
 def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart, Recording]]:
@@ -49,30 +51,33 @@ def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart
     found = _read_all(part, spans, whole, edges, read)
     told = make([list(span) for span in spans], bool(found))
     if not found:
-        return [(part, replace(whole, flags=(*whole.flags, told)))]
+        return [(part, replace(whole, flags=(*whole.flags, *told)))]
     (its, begun), *others = found
-    return [(its, replace(begun, flags=(told, *begun.flags))), *others]
+    return [(its, replace(begun, flags=(*told, *begun.flags))), *others]
 
 
-def _edges(r: Recording, rig: Rig) -> tuple[list[int], Callable[[list[list[int]], bool], Flag]]:
-    """Return where the parts of a recording begin and end, none where it is whole, and what makes the flag."""
+def _edges(r: Recording, rig: Rig) -> tuple[list[int], Callable[[list[list[int]], bool], list[Flag]]]:
+    """Return where the parts of a recording begin and end, none where it is whole, and what makes the flags."""
     if r.input is not None:
         cuts = [] if rig.view is not None else [k + 1 for k in np.flatnonzero(~bridged(r)).tolist()]
         longest = max((float(r.time[k] - r.time[k - 1]) for k in cuts), default=0.0)
         numbers = {"gaps": len(cuts), "longest": longest}
 
-        def split(spans: list[list[int]], done: bool) -> Flag:
-            return Flag("split_at_gaps" if done else "input_unknown", numbers={**numbers, "parts": spans})
+        def split(spans: list[list[int]], done: bool) -> list[Flag]:
+            return [Flag("split_at_gaps" if done else "input_unknown", numbers={**numbers, "parts": spans})]
 
         return [0, *cuts, r.time.size] if cuts else [], split
-    moves = (rig.traits.returns or rig.traits.has_own_equations) and rig.columns.output.reads != "acceleration"
+    moves = rig.columns.output.reads != "acceleration"
     at = release(r.time, r.output[:, 0], float(r.noise[0])) if moves else None
 
-    def held(spans: list[list[int]], done: bool) -> Flag:
+    def held(spans: list[list[int]], done: bool) -> list[Flag]:
         level = float(np.nanmedian(r.output[:_HELD, 0]))
         numbers = {"level": level, "until": float(r.time[at or 0]), "part": spans[0]}
-        unit = rig.columns.output.unit
-        return Flag("held" if done else "held_long", rig.columns.output.name, unit, numbers)
+        name, unit = rig.columns.output.name, rig.columns.output.unit
+        # Still on its way in the end: an angle, too, that has turned little.
+        driven = rig.traits.returns and runs_on(r.output[at:, 0], "1")
+        more = [Flag("runs_on", name, unit, {"until": numbers["until"]})] if driven else []
+        return [Flag("held" if done else "held_long", name, unit, numbers), *more]
 
     return [] if at is None else [at, r.time.size], held
 
@@ -133,7 +138,9 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
 
     A free motion that begins at a turning point stands nearly still there, too, and for as long as its swing says: held
     is what stands still for longer than a motion could that turns, by half of the time that it then takes for half of
-    the way to rest. Readings err by `noise` at times [s]; NaN are gaps.
+    the way to rest. What runs on comes to no rest, and what is slow at its end comes there late: the first parts of the
+    way are looked at in the same manner, as long as noise does not hide where they begin. Readings err by `noise` at
+    times [s]; NaN are gaps.
     """
     good = np.flatnonzero(np.isfinite(values))
     if good.size < 4 * _HELD:
@@ -141,10 +148,16 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
     t, x = time[good], values[good]
     level = float(np.median(x[:_HELD]))
     way = level - float(np.median(x[x.size // 2 :]))
-    still = max(_STILL * noise, _OF_WAY * abs(way))
     if abs(way) < _FAR * noise:
         return None
-    gone = (level - x) * np.sign(way)
+    ways = [way, *(part * way for part in _PARTS if _OF_WAY * part * abs(way) > _STILL * noise)]
+    found = (_release(t, level - x, its, noise) for its in ways)
+    return next((int(good[left]) for left in found if left is not None), None)
+
+
+def _release(t: FloatArray, gone: FloatArray, way: float, noise: float) -> int | None:
+    """Return the sample at which a body leaves where it is held, if it then goes a `way` to rest."""
+    still, gone = max(_STILL * noise, _OF_WAY * abs(way)), gone * np.sign(way)
     # Two in a row: a single reading may be wild.
     left = _first(np.abs(gone) > still)
     half = _first(gone > 0.5 * abs(way))
@@ -152,9 +165,8 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
         return None
     turned = float(np.arccos(1.0 - still / abs(way)))
     pace = (np.arccos(0.5) - turned) / (t[half] - t[left])
-    if t[left] - t[0] - 2.0 * turned / pace < 0.5 * (t[half] - t[left]):
-        return None
-    return int(good[left])
+    held = t[left] - t[0] - 2.0 * turned / pace >= 0.5 * (t[half] - t[left])
+    return left if held else None
 
 
 def _first(true: BoolArray) -> int | None:

@@ -55,8 +55,8 @@ def check_arm(found: Signals, rig: Rig) -> None:
             raise InputError(
                 f"{found.at('tip_angle', row=worst)}: the tip would be deflected by "
                 f"{quoted(float(deflection[worst]), found.units['tip_angle'], 4)} from the motor's direction, more "
-                "than half a turn. If one of the angles is in degrees, rename its column to end in _deg; the angle of "
-                "the tip must not jump by full turns."
+                "than half a turn. If one of the angles is in degrees, rename its column to end in _deg; count "
+                "both angles from the same turn."
             )
     else:
         _check_within(found, ("tip_deflection",), length, np.abs(outputs["tip_deflection"]))

@@ -24,7 +24,8 @@ from discovery.recordings.reading_flags import bend_flags, clean_output, gap_fla
 from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
 from discovery.recordings.rounding import quantum, resolution
 from discovery.recordings.time_stamps import estimate_jitter, on_its_clock, scatter
-from discovery.recordings.unit_mistakes import check_units, near_hanging
+from discovery.recordings.turns import join_turns
+from discovery.recordings.unit_mistakes import check_units
 from discovery.rigs.rig import ForceView, Rig
 
 Bands = list[BandNoise | None]
@@ -186,14 +187,12 @@ def read_recording(
 
 def _checked(rig: Rig, found: Signals) -> list[Flag]:
     """Refuse what cannot be a measurement of this rig; join the turns of an angle, and take in an added input."""
-    flags: list[Flag] = []
+    flags = join_turns(rig, found)
     inputs, outputs = found.inputs, found.outputs
-    if rig.traits.hangs and rig.view is None and "output" in outputs:
-        outputs["output"], flags = near_hanging(outputs["output"], found.units["output"])
     check_signals(found, rig.traits.fewest)
     if rig.traits.has_rod:
         check_arm(found, rig)
-        flags = [] if inputs is None else bend_flags(inputs, outputs)
+        flags += [] if inputs is None else bend_flags(inputs, outputs)
     elif outputs:
         check_units(found, rig)
     if inputs is not None and found.added is not None and rig.controller is not None:

@@ -148,7 +148,8 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     Returns
     -------
     SteadyClock or None
-        None where no clock does, where stamps are off by too little to matter, and where readings are rougher on it;
+        None where no clock does, where stamps are off by too little to matter, where every one lies halfway between two
+        of its decimals, and where readings that move are rougher on it;
         also where stamps are missing or go back, and where a row stands twice.
 
     Examples
@@ -174,6 +175,8 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     if found is None or (again.size and found[1] > _SHORTER * 2.0 * most[again].min()):
         return None
     time, step = found
+    if (np.abs(stamps - time) > (1.0 - _OVER) * most.min()).all():
+        return None  # between two decimals each, so that any of even stamps may be off by one
     # Where stamps repeat, no reading can be told from its neighbour by them.
     rougher = not again.size and _rougher(stamps, time, channels)
     return None if rougher else SteadyClock(time, step, 2.0 * float(most.max()))
@@ -225,12 +228,26 @@ def _nearest(count: FloatArray, stamps: FloatArray, most: FloatArray) -> tuple[F
 
 
 def _rougher(stamps: FloatArray, time: FloatArray, channels: Sequence[FloatArray]) -> bool:
-    """Return whether a channel misses the cubics through its neighbours by more on the clock than on the stamps."""
+    """Return whether a channel misses the cubics through its neighbours by more on the clock than on the stamps.
+
+    A reading counts by how much its miss depends on the choice: those of a body at rest say nothing of it. So many
+    count alike at the most that what is beside a wild reading or a jump does not decide.
+    """
     for channel in channels:
         good = np.isfinite(channel)
         if good.sum() < _FEWEST_STAMPS:
             continue
-        there, here = (np.median(np.abs(left_by_cubics(t[good], channel[good])[0])) for t in (stamps, time))
-        if here > _ROUGHER * there:
+        there, here = (left_by_cubics(t[good], channel[good])[0] for t in (stamps, time))
+        weights = np.abs(here - there)
+        weights[weights < _EXACT * np.ptp(channel[good])] = 0.0
+        weights = np.minimum(weights, np.sort(weights)[-min(_FEWEST_STAMPS, weights.size)])
+        if _middle(np.abs(here), weights) > _ROUGHER * _middle(np.abs(there), weights):
             return True
     return False
+
+
+def _middle(values: FloatArray, weights: FloatArray) -> float:
+    """Return the weighted median of values."""
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(share, 0.5 * share[-1])])

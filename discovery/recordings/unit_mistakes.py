@@ -5,79 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.declarations.units import quoted, si_factor
-from discovery.foundation.arrays import BoolArray, FloatArray, within_half_a_turn
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import Signals
-from discovery.recordings.flags import Flag
 from discovery.recordings.gravity_scale import slow_fall
+from discovery.recordings.running_on import DRIVEN, runs_on
 from discovery.rigs.rig import Rig
 
 _FULL_TURN = 2.0 * np.pi
-_JUMP, _NEAR = 2.0, 1.0  # a single bad reading jumps so far from neighbours that lie so near each other [rad]
-_LOST = 1.5 * _FULL_TURN  # a sensor that counts within a turn jumps by less
-_FEW = 0.1  # share of readings off the others up to which these are the recording
-_RARE = 0.01  # share of such readings up to which they are no motion
 _WHITE = 1.2  # difference of neighbours over that from the middle: 1.4 for white noise, little for a swing
 _SMALLEST, _LARGEST = 2e-3, 70.0  # lengths of pendulums in laboratories and churches [m]
 _LENGTH_MARGIN = 4.0  # ratio of a fitted to a stated length: an extended body swings slower
 _CLOCKS = ("s", "ms", "us")  # units in which times are written
 _GRAVITY_MARGIN = 10.0  # a slow fall has more than a tenth of gravity, buoyancy and drag included
 _SURE = 4.0  # standard deviations beyond which something is sure
-
-
-def near_hanging(angle: FloatArray, unit: str = "rad") -> tuple[FloatArray, list[Flag]]:
-    """Join the turns of an angle that was recorded modulo 2 pi, and count it from the nearest full turn.
-
-    `angle` (n,): angle of a pendulum [rad]; NaN are gaps. `unit`: unit of its column, for the flags. Returned: `angle`
-    (n,): the same array where it neither jumps nor lies a turn away; NaN where a single reading jumps away from its
-    neighbours and back, unless many do; `flags`: what was joined and left out.
-    """
-    alone = _alone(angle)
-    flags = []
-    if alone.any() and alone.mean() < _RARE:
-        angle = np.where(alone, np.nan, angle)
-        rows = np.flatnonzero(alone)
-        sizes = {"count": int(rows.size), "first": int(rows[0]), "jump": _JUMP}
-        flags.append(Flag("angle_spikes", unit=unit, numbers=sizes))
-    off = _turns_away(angle)
-    if off.any() and off.mean() < _FEW:
-        rows = np.flatnonzero(off)
-        sizes = {"count": int(rows.size), "first": int(rows[0]), "value": float(angle[rows[0]])}
-        angle = np.where(off, np.nan, angle)
-        flags.append(Flag("angle_turned", unit=unit, numbers=sizes))
-    good = np.isfinite(angle)
-    joined = angle.copy()
-    joined[good] = np.unwrap(angle[good])
-    # Rounded: a turn that is added and taken away again leaves the last digit different.
-    places = np.flatnonzero(np.diff(np.round((joined[good] - angle[good]) / _FULL_TURN)))
-    if places.size:
-        first = int(np.flatnonzero(good)[places[0] + 1])
-        flags.append(Flag("turns_joined", numbers={"count": int(places.size), "first": first}))
-    turns = float(np.round(np.median(joined[good]) / _FULL_TURN)) if good.any() else 0.0
-    joined -= _FULL_TURN * turns
-    return (joined if turns or places.size else angle), flags
-
-
-def _turns_away(angle: FloatArray) -> BoolArray:
-    """Return readings that lie off the others and are entered and left by more than the turn that a sensor may lose."""
-    good = np.flatnonzero(np.isfinite(angle))
-    found = np.zeros(angle.size, bool)
-    if good.size:
-        usual = float(np.median(angle[good]))
-        for part in np.split(good, np.flatnonzero(np.abs(np.diff(angle[good])) > _LOST) + 1):
-            found[part] = abs(float(np.median(angle[part])) - usual) > _LOST
-    return found
-
-
-def _alone(angle: FloatArray) -> BoolArray:
-    """Return which readings jump by what is no full turn away from two neighbours that agree."""
-    found = np.zeros(angle.size, bool)
-    jump = np.diff(angle)
-    turned = np.abs(within_half_a_turn(jump))
-    there, back = jump[:-1], jump[1:]
-    away = (np.abs(there) > _JUMP) & (np.abs(back) > _JUMP) & (np.sign(there) != np.sign(back))
-    found[1:-1] = away & (np.maximum(turned[:-1], turned[1:]) > 0.5 * _JUMP) & (np.abs(angle[2:] - angle[:-2]) < _NEAR)
-    return found
 
 
 def check_units(found: Signals, rig: Rig) -> None:
@@ -102,6 +43,7 @@ def check_units(found: Signals, rig: Rig) -> None:
 def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> None:
     """Refuse a swing that gravity cannot have made; `largest` is the largest reading as it stands in the column."""
     unit = rig.columns.output.unit
+    driven = f" The motion runs on in one direction. {DRIVEN}" if runs_on(angle, "1") else ""
     swing = float(np.quantile(angle, 0.98) - np.quantile(angle, 0.02))
     # One that first turns over does so in one sense: its later half tells.
     later = angle[angle.size // 2 :]
@@ -112,7 +54,7 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
             remedy = "Correct the unit of the output in the rig file, or leave out what is no swing with samples."
         raise InputError(
             f"{where}: the pendulum would swing to and fro by more than a full turn, and the largest reading would be "
-            f"{largest:.4g} {unit}. {remedy}"
+            f"{largest:.4g} {unit}. {remedy}{driven}"
         )
     if abs(float(np.median(later))) > 0.5 * np.pi:
         given = rig.columns.output
@@ -120,7 +62,7 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
         raise InputError(
             f"{where}: the pendulum would swing about {quoted(float(np.median(later)), unit, 4)}, that is upright. If "
             f"the angle is counted from upright, set zero = {upright:.9g} (in the unit of the column) "
-            "for the output in the rig file."
+            f"for the output in the rig file.{driven}"
         )
     scatter = float(np.median(np.abs(angle - np.median(angle))))
     # Of a swing that lasts for a small part of the record, medians see only the noise after it. The rms sees only a few

@@ -11,7 +11,7 @@ import sympy as sp
 from discovery.declarations.effect import Effect, Load, Potential
 from discovery.declarations.registry import get_effect
 from discovery.declarations.symbols import delta, delta_dot, omega, t, theta, v_x, x, x_g
-from discovery.declarations.units import quoted
+from discovery.declarations.units import quoted, si_factor
 from discovery.foundation.arrays import BoolArray
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
@@ -116,6 +116,14 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
     # The levels of a force differ in what they do; those of a motion do nothing.
     if np.ptp(values) > 0 and get_base(first.rig.base).is_pushed:
         return
+    level = _begins(first)
+    zero = ""
+    if get_base(first.rig.base).order == 0 and _drives(first, level):
+        output = first.rig.columns.output
+        begins = output.zero + level / (output.scale * si_factor(output.unit))
+        zero = (
+            f" It begins at rest: if the input is applied then, set zero = {begins:.6g} for the output in the rig file."
+        )
     value = f"{values[0]:g}" if given is None else quoted(float(values[0]), given.unit, 6)
     if constant:
         raise InputError(
@@ -126,8 +134,8 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
         )
     raise InputError(
         f"{first.recording.source}: the input is {value} throughout, so it drives nothing and its gain cannot be "
-        "found. Record an input that varies, steps of several sizes, or a step from rest at zero output. For a free "
-        "decay, remove the input from [columns] in the rig file."
+        f"found.{zero} Record an input that varies, steps of several sizes, or a step from rest at zero output. For a "
+        "free decay, remove the input from [columns] in the rig file."
     )
 
 
@@ -144,14 +152,20 @@ def _is_constant(effect: Effect, reach: float) -> bool:
     return False
 
 
-def _drives(experiment: Experiment) -> bool:
-    """Whether the input of a recording varies, or is a force that sets a body at rest moving."""
+def _begins(experiment: Experiment) -> float:
+    """Return where the first readings of a recording lie."""
+    y = experiment.recording.output[:, 0]
+    return float(np.median(y[np.isfinite(y)][:_BEGINNING]))
+
+
+def _drives(experiment: Experiment, level: float = 0.0) -> bool:
+    """Whether the input of a recording varies, or is a force that sets a body at rest at this level moving."""
     r, base = experiment.recording, get_base(experiment.rig.base)
     if r.input is None or np.ptp(r.input) > 0:
         return r.input is not None
     if not base.is_pushed or not r.input[0]:
         return False
-    y = r.output[np.isfinite(r.output[:, 0]), 0]
+    y = r.output[np.isfinite(r.output[:, 0]), 0] - level
     if y.size <= _BEGINNING:
         return False
     most = float(np.max(np.abs(y)))

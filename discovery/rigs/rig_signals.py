@@ -28,9 +28,11 @@ def check_tables(file: RigText, table: RigTable) -> None:
     if columns is None:
         raise InputError(f"{file} describes {called} but has no table [columns]. Declare time and output.")
     if kind.needs_input and columns.input is None:
+        unknown = " Where it was not recorded, `discovery init --kind system` drafts a constant one."
         raise InputError(
             f"{file} describes {called}, whose input is the {kind.input}, but declares none. Add "
-            'input = { name = "...", unit = "..." } to [columns].'
+            f'input = {{ name = "...", unit = "..." }} to [columns].'
+            f"{'' if kind.interpolation == 'motion' else unknown}"
         )
     if kind.needs_input is False and columns.input is not None:
         raise InputError(f"{file.at('columns', 'input')}, declares an input, but {called} has none. Remove it.")
