@@ -116,14 +116,6 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
     # The levels of a force differ in what they do; those of a motion do nothing.
     if np.ptp(values) > 0 and get_base(first.rig.base).is_pushed:
         return
-    level = _begins(first)
-    zero = ""
-    if get_base(first.rig.base).order == 0 and _drives(first, level):
-        output = first.rig.columns.output
-        begins = output.zero + level / (output.scale * si_factor(output.unit))
-        zero = (
-            f" It begins at rest: if the input is applied then, set zero = {begins:.6g} for the output in the rig file."
-        )
     value = f"{values[0]:g}" if given is None else quoted(float(values[0]), given.unit, 6)
     if constant:
         raise InputError(
@@ -131,6 +123,13 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
             "own beside it: the two cannot be told apart, so the gain of the input cannot be found. Name recordings of "
             "other inputs in train as well, steps of several sizes, or remove the input from [columns] in the rig "
             f"file: {constant[0]} then holds what it does."
+        )
+    level, zero = _begins(first), ""
+    if get_base(first.rig.base).order == 0 and _drives(first, level):
+        output = first.rig.columns.output
+        begins = output.zero + level / (output.scale * si_factor(output.unit))
+        zero = (
+            f" It begins at rest: if the input is applied then, set zero = {begins:.6g} for the output in the rig file."
         )
     raise InputError(
         f"{first.recording.source}: the input is {value} throughout, so it drives nothing and its gain cannot be "
