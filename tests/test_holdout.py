@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pushed_oscillator import DECLARED, EFFECTS, UNITS, pushes, recorded
@@ -56,3 +58,16 @@ def test_a_blow_up_in_one_recording_spoils_no_start_in_another() -> None:
     ((expected,),) = held_out([soft], alone, UNITS)
     assert not np.isfinite(wild).all()
     np.testing.assert_allclose(small, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_a_constant_is_held_against_the_whole_recording_and_not_its_calm_end() -> None:
+    whole = recorded("whole", pushes(1.0, -1.5, 0.7, 0.0), 0)
+    n = whole.recording.time.size
+    continued = HoldOut([replace(whole, fitted_samples=2 * n // 3)], [], UNITS, 2e-5)
+    (left,), (apart,) = continued.constants, HoldOut([HELD], [whole], UNITS, 2e-5).constants
+    y = whole.recording.output[:, 0]
+    np.testing.assert_allclose(left.whole[0].columns[:, 0], (y - y.mean()) / whole.recording.noise[0])
+    np.testing.assert_array_equal(left.held[0].columns, left.whole[0].columns[2 * n // 3 :])
+    assert left.share == pytest.approx(1 / 3, abs=1 / n)
+    assert apart.share == 1.0
+    assert continued.scatter == pytest.approx(y.std())

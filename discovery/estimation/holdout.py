@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,15 @@ _ITERATIONS = 12
 def _physical(values: Mapping[str, float]) -> dict[str, float]:
     """Return the values that belong to the model, not to a recording."""
     return {n: v for n, v in values.items() if "[" not in n}
+
+
+@dataclass(frozen=True)
+class Constant:
+    """What the mean of a recording leaves of it: one column a channel [noise sds]."""
+
+    whole: list[Channel]  # of all of it: the end of a motion may scatter little
+    held: list[Channel]  # of what is held out
+    share: float  # of the readings that are held out
 
 
 class HoldOut:
@@ -150,19 +159,20 @@ class HoldOut:
         return [(e, present) for e, present in found if present.any()]
 
     @cached_property
-    def constants(self) -> list[list[Channel]]:
-        """Return what the mean of each channel leaves of every recording that decides, one column each [noise sds]."""
+    def constants(self) -> list[Constant]:
+        """Return what the mean of each channel leaves of every recording that decides."""
         found = []
         for e, present in self.parts():
-            read = (e.recording.output / e.recording.scatter)[:, :, None]
-            channels = Channel.each(e.recording.time, read, present)
-            found.append([replace(c, columns=c.columns - c.columns.mean()) for c in channels])
+            read, whole = e.recording.output / e.recording.scatter, np.isfinite(e.recording.output)
+            apart = (read - np.nanmean(np.where(whole, read, np.nan), axis=0))[:, :, None]
+            every, held = (Channel.each(e.recording.time, apart, part) for part in (whole, present))
+            found.append(Constant(every, held, float(present.sum() / whole.sum())))
         return found
 
     @property
     def scatter(self) -> float:
-        """Rms distance of what decides from the mean of each recording, in the unit of the output."""
-        whole = [e.recording.output[present.all(axis=1)] for e, present in self.parts()]
+        """Rms distance of the recordings that decide from the mean of each, in the unit of the output."""
+        whole = [e.recording.output[np.isfinite(e.recording.output).all(axis=1)] for e, _ in self.parts()]
         squares = [np.square(part - part.mean(axis=0)).sum(axis=1) for part in whole if part.size]
         return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
 

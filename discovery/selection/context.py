@@ -54,7 +54,8 @@ class Context:
     @cached_property
     def constant_scores(self) -> list[float]:
         """Return how well a constant predicts each recording that is held out [nats]."""
-        return [constant_score(part, self.units.time, self.settings.error_scale) for part in self.judge.constants]
+        time, scale = self.units.time, self.settings.error_scale
+        return [c.share * constant_score(c.whole, time, scale) for c in self.judge.constants]
 
     @cached_property
     def period(self) -> float:

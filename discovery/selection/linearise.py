@@ -98,7 +98,9 @@ def _slopes(
     if not _all_finite(fitted):
         return None
     judged = [part for part in judged if part]
-    judged = [_or_constant(*each, p + len(more)) for each in zip(judged, context.judge.constants, strict=True)]
+    judged = [
+        _or_constant(part, c.held, p + len(more)) for part, c in zip(judged, context.judge.constants, strict=True)
+    ]
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
     form = context.settings.form_of(problem.model)
