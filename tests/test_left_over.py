@@ -188,7 +188,8 @@ def test_scatter_is_told_once() -> None:
         rms = {"train": {"rms": train}, "holdout": {"rms": held}, f"holdout_{where}": {"rms": held}}
         flags = [SimpleNamespace(code=code)]
         recording = SimpleNamespace(noise=np.ones(1), noise_estimated=False, flags=flags)
-        plain = {"errors": {"unit": "m", "noise_floor": 1.0, "after": rms}, "complete": True, "impossible": True}
+        errors = {"unit": "m", "noise_floor": 1.0, "holdout_scatter": 9.0, "after": rms}
+        plain = {"errors": errors, "complete": True, "impossible": True}
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
         result: Any = SimpleNamespace(after=after, added=(), model_error=error, **{**plain, **more})
         result._left = lambda *, trained: left
