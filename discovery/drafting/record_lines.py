@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from discovery.drafting.signals import FloatArray, Signals, open_table
+from discovery.drafting.signals import Signals, open_table
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
 

@@ -152,17 +152,19 @@ class HoldOut:
         """
         return list(self._deciding.values())
 
+    @cached_property
     def parts(self) -> list[tuple[Experiment, BoolArray]]:
-        """Return the recordings with readings that decide, and which of their readings (n, c) these are."""
+        """Return the recordings that decide, and which of their readings (n, c) do, none of some perhaps."""
         some = self.train if self.continued else self.deciding()
-        found = [(e, np.isfinite(e.recording.output) & ~(self.continued & (e.weights() > 0))) for e in some]
-        return [(e, present) for e, present in found if present.any()]
+        return [(e, np.isfinite(e.recording.output) & ~(self.continued & (e.weights() > 0))) for e in some]
 
     @cached_property
     def constants(self) -> list[Constant]:
-        """Return what the mean of each channel leaves of every recording that decides."""
+        """Return what the mean of each channel leaves of every recording with readings that decide."""
         found = []
-        for e, present in self.parts():
+        for e, present in self.parts:
+            if not present.any():
+                continue
             read, whole = e.recording.output / e.recording.scatter, np.isfinite(e.recording.output)
             apart = (read - np.nanmean(np.where(whole, read, np.nan), axis=0))[:, :, None]
             every, held = (Channel.each(e.recording.time, apart, part) for part in (whole, present))
@@ -172,7 +174,8 @@ class HoldOut:
     @property
     def scatter(self) -> float:
         """Rms distance of the recordings that decide from the mean of each, in the unit of the output."""
-        whole = [e.recording.output[np.isfinite(e.recording.output).all(axis=1)] for e, _ in self.parts()]
+        deciding = [e.recording.output for e, present in self.parts if present.any()]
+        whole = [output[np.isfinite(output).all(axis=1)] for output in deciding]
         squares = [np.square(part - part.mean(axis=0)).sum(axis=1) for part in whole if part.size]
         return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
 

@@ -110,7 +110,8 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
     if first.system.has_rod or not inputs:
         return
     given, values, reach = first.rig.columns.input, np.concatenate(inputs), largest_deflection(experiments)
-    constant = [] if np.ptp(values) > 0 else [e for e in first.rig.declared if _is_constant(get_effect(e), reach)]
+    laws = () if np.ptp(values) > 0 else first.rig.declared
+    constant = next((e for e in laws if _is_constant(get_effect(e), reach)), "")
     if not constant and any(map(_drives, experiments)):
         return
     # The levels of a force differ in what they do; those of a motion do nothing.
@@ -119,10 +120,10 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
     value = f"{values[0]:g}" if given is None else quoted(float(values[0]), given.unit, 6)
     if constant:
         raise InputError(
-            f"{first.recording.source}: the input is {value} throughout, and {constant[0]} has a constant force of its "
+            f"{first.recording.source}: the input is {value} throughout, and {constant} has a constant force of its "
             "own beside it: the two cannot be told apart, so the gain of the input cannot be found. Name recordings of "
             "other inputs in train as well, steps of several sizes, or remove the input from [columns] in the rig "
-            f"file: {constant[0]} then holds what it does."
+            f"file: {constant} then holds what it does."
         )
     level, zero = _begins(first), ""
     if get_base(first.rig.base).order == 0 and _drives(first, level):

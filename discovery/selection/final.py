@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from discovery.estimation.batch import fit_problems
+from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, solver_shift
 from discovery.estimation.fit import SHIFT, Fit
 from discovery.estimation.generalised import generalised
 from discovery.estimation.model_error import ModelError
-from discovery.estimation.problem import Problem
 from discovery.estimation.step_control import tightened
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -34,12 +34,19 @@ def on_mechanics(contender: Contender, base: str, context: Context) -> Contender
     return contenders(context, [(contender.added, replace(contender.refit, problem=other, minimum=minimum))])[0]
 
 
-def settled(contender: Contender, context: Context) -> Contender:
-    """Return a set at the estimates of generalised least squares, what its laws hold by convention free."""
+def settled(contender: Contender, context: Context, bench: Bench | None = None) -> Contender:
+    """Return a set at the estimates of generalised least squares, what its laws hold by convention free.
+
+    `bench`: other simulators of its recordings. Where the motion blows up, the set is returned as it is.
+    """
     problem = contender.refit.problem
-    return _settled(
-        contender, replace(problem, gaussian={**problem.gaussian, **context.conventions(problem.model)}), context
-    )
+    known = {**problem.gaussian, **context.conventions(problem.model)}
+    problem = replace(problem, gaussian=known, bench=bench or problem.bench)
+    start, sizes = problem.start(contender.refit.values), [contender.error_size]
+    (minimum,) = generalised([problem], [start], sizes, iterations=_ITERATIONS, tolerance=1e-6)
+    refit = replace(contender.refit, problem=problem, minimum=minimum)
+    (found,) = contenders(context, [(contender.added, refit)])
+    return found if np.isfinite(found.joint) else contender
 
 
 def finished(found: Contender, context: Context) -> tuple[Fit, Contender]:
@@ -47,27 +54,17 @@ def finished(found: Contender, context: Context) -> tuple[Fit, Contender]:
 
     Intervals are those of the posterior under the model error.
     """
-    problem = found.refit.problem
     fitted = _fit(found)
     for _ in range(_FINER):
         bench = tightened(found.refit.problem.bench, fitted.solver_shift, SHIFT)
         if bench is None:
             break
-        closer = _settled(found, replace(problem, bench=bench), context)
+        closer = settled(found, context, bench)
         again = _fit(closer)
         if not again.solver_shift < fitted.solver_shift:
             break
         found, fitted = closer, again
     return fitted, found
-
-
-def _settled(contender: Contender, problem: Problem, context: Context) -> Contender:
-    """Return a set fitted by generalised least squares as another problem; as it is where that blows up."""
-    start, sizes = problem.start(contender.refit.values), [contender.error_size]
-    (minimum,) = generalised([problem], [start], sizes, iterations=_ITERATIONS, tolerance=1e-6)
-    refit = replace(contender.refit, problem=problem, minimum=minimum)
-    (found,) = contenders(context, [(contender.added, refit)])
-    return found if np.isfinite(found.joint) else contender
 
 
 def _fit(contender: Contender) -> Fit:

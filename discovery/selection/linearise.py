@@ -85,22 +85,17 @@ def _slopes(
     p, free = x.size, len(problem.free)
     jacobian: list[FloatArray] = []
     fitted: list[Channel] = []
-    judged: list[list[Channel]] = []
     for e, columns in zip(problem.bench.experiments, train, strict=True):
         weight, n = e.weights() > 0, len(e.fitted_part.recording.time)
         jacobian.append(np.where(weight[:n, :, None], columns[:n, :, :-1], 0.0).reshape(-1, p))
         fitted += Channel.each(e.recording.time, np.insert(columns, [p] * len(more), 0.0, axis=2), weight)
-        if not held:
-            judged.append(Channel.each(e.recording.time, columns, np.isfinite(e.recording.output) & ~weight))
-    for e, columns in zip(context.judge.deciding(), held, strict=False):
-        wide = np.insert(columns, [free] * (p - free), 0.0, axis=2)
-        judged.append(Channel.each(e.recording.time, wide, np.isfinite(e.recording.output)))
     if not _all_finite(fitted):
         return None
-    judged = [part for part in judged if part]
-    judged = [
-        _or_constant(part, c.held, p + len(more)) for part, c in zip(judged, context.judge.constants, strict=True)
-    ]
+    judge = context.judge
+    own = train if judge.continued else [np.insert(columns, [free] * (p - free), 0.0, axis=2) for columns in held]
+    parts = (Channel.each(e.recording.time, c, here) for (e, here), c in zip(judge.parts, own, strict=True))
+    kept = zip(filter(None, parts), judge.constants, strict=True)
+    judged = [_or_constant(part, constant.held, p + len(more)) for part, constant in kept]
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
     form = context.settings.form_of(problem.model)
