@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Sequence
 import numpy as np
 
 from discovery.estimation.least_squares import Minimum, Request, levenberg_marquardt, minimise
-from discovery.estimation.problem import Problem
+from discovery.estimation.problem import Problem, side_by_side
 from discovery.foundation.arrays import FloatArray
 
 #: Residuals that are whitened at once.
@@ -70,11 +70,9 @@ def _answer_on(problems: Sequence[Problem]) -> Callable[[list[tuple[int, FloatAr
     """Return the function by which `minimise` gets residuals of problems that share one bench."""
 
     def answer(wanted: list[tuple[int, FloatArray]]) -> list[FloatArray]:
-        expanded = [problems[i].expand(x) for i, x in wanted]
-        parameters = np.concatenate([p for p, _ in expanded], axis=1)
-        initial = np.concatenate([s for _, s in expanded], axis=2)
+        sets = side_by_side([problems[i] for i, _ in wanted], [x for _, x in wanted])
         edges = np.cumsum([0, *[x.shape[1] for _, x in wanted]])
-        data = problems[0].bench.residuals(parameters, initial)
+        data = problems[0].bench.residuals(*sets)
         found = []
         for j, (i, x) in enumerate(wanted):
             prior = problems[i].prior_residuals(x)

@@ -86,12 +86,8 @@ class Bench:
     def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
         """Return simulated channels of every experiment to the end of its recording, each (n, c, k).
 
-        Parameters
-        ----------
-        parameters : ndarray, shape (p, k)
-            In the order of `names`.
-        initial : ndarray, shape (experiments, 2 + own, k)
-            Initial deflection and rate in every experiment, and the values of `own`.
+        `parameters` (p, k): in the order of `names`. `initial` (experiments, 2 + own, k): initial deflection and rate
+        in every experiment, and the values of `own`.
         """
         asked = [s.asked(*self.started(parameters, own)) for s, own in zip(self._whole, initial, strict=True)]
         return [e.channels(read) for e, (read, _) in zip(self.experiments, simulate.simulated(asked), strict=True)]

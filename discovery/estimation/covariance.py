@@ -9,7 +9,7 @@ import numpy as np
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
-from discovery.estimation.problem import Problem
+from discovery.estimation.problem import Problem, side_by_side
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
@@ -36,9 +36,7 @@ def covariance_of(
     white noise and what the model idealises; NaN rows where an interval is missing; `reasons`: why an interval is
     missing, by parameter; `directions`: combinations of parameters that the data do not determine.
     """
-    names = problem.names
-    p = len(names)
-    jacobian = minimum.jacobian
+    names, p, jacobian = problem.names, len(problem.names), minimum.jacobian
     # What the rig knows within an uncertainty stays uncertain at its bound, and passes that on to the others.
     bound = zip(names, minimum.at_bound, strict=True)
     reasons = {n: "at its bound" for n, b in bound if b and n not in problem.gaussian}
@@ -56,16 +54,13 @@ def covariance_of(
         weak = singular < 1e-6 * singular[0]
         kept = [n for n, u in zip(names, use, strict=True) if u]
         for row in rows[weak]:
-            direction = {n: float(v) for n, v in zip(kept, row, strict=True) if abs(v) > 0.1}
-            directions.append(direction)
-            for n in direction:
-                reasons[n] = "not identifiable from these recordings"
+            directions.append({n: float(v) for n, v in zip(kept, row, strict=True) if abs(v) > 0.1})
+            reasons |= dict.fromkeys(directions[-1], "not identifiable from these recordings")
         inverse = (rows[~weak].T / singular[~weak] ** 2) @ rows[~weak]
         honest = inverse @ _score_covariance(scaled, minimum.residual, problem) @ inverse
         covariance[np.ix_(use, use)] = honest / np.outer(size[use], size[use])
-        for n in reasons:
-            k = names.index(n)
-            covariance[k, :] = covariance[:, k] = np.nan
+        lost = [names.index(n) for n in reasons]
+        covariance[lost, :] = covariance[:, lost] = np.nan
     return covariance, reasons, tuple(directions)
 
 
@@ -149,22 +144,12 @@ def solver_shift(problem: Problem, minimum: Minimum, covariance: FloatArray) -> 
 
 
 def longest_leap(problem: Problem, minimum: Minimum, shift: float) -> float | None:
-    """Return the step of the method of order eight that hardly moves the minimum.
+    """Return the step of the method of order eight that hardly moves the minimum [s].
 
-    Parameters
-    ----------
-    problem : Problem
-        What was fitted, by the classical method.
-    minimum : Minimum
-        Where the minimisation ended.
-    shift : float
-        Largest shift of any combination of estimates against half the step, in the standard deviations that the
-        stated noise alone would give it.
+    None where the method does not suit the terms, or takes more than half of the work of the classical one.
 
-    Returns
-    -------
-    float or None
-        None where the method does not suit the terms, or takes more than half of the work of the classical one.
+    `problem`: fitted by the classical method. `shift`: largest shift of any combination of estimates against half the
+    step, in the standard deviations that the stated noise alone would give it.
     """
     bench, order = problem.bench, dormand_prince().order
     least = bench.step * len(dormand_prince().nodes) / len(CLASSICAL.nodes) / 0.5
@@ -174,8 +159,7 @@ def longest_leap(problem: Problem, minimum: Minimum, shift: float) -> float | No
         if leap < least or not leaps(bench.base, bench.effects):
             break
         leaping = Bench(bench.base, bench.effects, bench.experiments, bench.step, leap)
-        own = Problem(problem.model, leaping, problem.units, problem.gaussian)
-        coarse, fine = (b.residuals(*own.expand(minimum.x[:, None]))[:, 0] for b in (leaping, leaping.finer(2)))
+        coarse, fine = (b.residuals(*problem.expand(minimum.x[:, None]))[:, 0] for b in (leaping, leaping.finer(2)))
         change = fine - coarse
         if np.isfinite(change).all():
             step, *_ = np.linalg.lstsq(jacobian, change, rcond=None)
@@ -234,9 +218,8 @@ class Probed:
 
 def simulated(bench: Bench, problems: Sequence[Problem], probes: Sequence[Probed]) -> list[list[FloatArray]]:
     """Return the columns of every recording of a bench, for each problem: all in one simulation."""
-    sets = [p.expand(probe.points) for p, probe in zip(problems, probes, strict=True)]
     edges = np.cumsum([0, *(probe.count for probe in probes)])
-    channels = bench.predict(*(np.concatenate(each, axis=-1) for each in zip(*sets, strict=True)))
+    channels = bench.predict(*side_by_side(problems, [probe.points for probe in probes]))
     return [
         [
             probe.columns(i, e, c[:, :, first : first + probe.count])

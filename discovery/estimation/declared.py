@@ -41,12 +41,9 @@ _MOST_STARTS, _FOLLOWED = 12, 15
 
 
 def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
-    """Return what may move within its uncertainty: stated constants, or the mass and slight damping of an exact arm.
+    """Return mean and sd of what may move: stated constants, or the mass and slight damping of an exact arm.
 
-    Returns
-    -------
-    dict of str to (mean, sd)
-        Fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
+    It is fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
     """
     rig = experiment.rig
     if rig.system is not None:
@@ -195,15 +192,11 @@ def _is_doubtful(found: Fit) -> bool:
     if problem.model.mechanics.prescribed:
         # Without a simulated motion there are no swings to lose.
         return False
-    return _is_stopped(found) or not explains(problem, found.chi2, _LEFT)
-
-
-def _is_stopped(found: Fit) -> bool:
-    """Return whether a bound holds a parameter of a fit: one at which an effect is absent is an answer like others."""
-    problem = found.problem
     held = {*found.minimum.bound(problem.names)}.intersection(problem.free).difference(problem.gaussian)
     stopped = [problem.model.parameters[name] for name in held]
-    return any(found.values[p.name] != p.default * problem.units.scale(p) for p in stopped)
+    # A bound at which an effect is absent is an answer like others.
+    beside = any(found.values[p.name] != p.default * problem.units.scale(p) for p in stopped)
+    return beside or not explains(problem, found.chi2, _LEFT)
 
 
 def _led_fit(model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known) -> Fit | None:

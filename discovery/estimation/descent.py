@@ -164,7 +164,17 @@ class Descent:
         self._fresh = True
 
     def _probes(self, x: FloatArray, which: IntArray, *, both: bool) -> tuple[FloatArray, FloatArray]:
-        return _probes(x, self.lower, self.upper, self._step, which, both=both)
+        """Return points (p, k) beside x whose residuals give derivatives, within bounds, and how far apart they are.
+
+        Both sides, first all above and then all below, or one; beside a bound always one.
+        """
+        high, low = np.minimum(x + self._step, self.upper), np.maximum(x - self._step, self.lower)
+        sides = (high, low) if both else (np.where(high > x, high, low),)
+        around = np.repeat(x[:, None], len(sides) * which.size, axis=1)
+        for i, side in enumerate(sides):
+            around[which, i * which.size + np.arange(which.size)] = side[which]
+        apart = (sides[0] - (low if both else x))[which]
+        return around, np.where(apart != 0, apart, 1.0)
 
 
 @dataclass(frozen=True)
@@ -217,24 +227,8 @@ def _cost(residuals: FloatArray) -> FloatArray:
     return np.where(np.isfinite(cost), cost, np.inf)
 
 
-def _probes(
-    x: FloatArray, lower: FloatArray, upper: FloatArray, step: FloatArray, which: IntArray, *, both: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Return points (p, k) beside x whose residuals give derivatives, inside the bounds, and how far apart they are.
-
-    Both sides, first all above and then all below, or one; beside a bound always one.
-    """
-    high, low = np.minimum(x + step, upper), np.maximum(x - step, lower)
-    sides = (high, low) if both else (np.where(high > x, high, low),)
-    around = np.repeat(x[:, None], len(sides) * which.size, axis=1)
-    for i, side in enumerate(sides):
-        around[which, i * which.size + np.arange(which.size)] = side[which]
-    apart = (sides[0] - (low if both else x))[which]
-    return around, np.where(apart != 0, apart, 1.0)
-
-
 def _columns(answers: FloatArray, residual: FloatArray, apart: FloatArray) -> FloatArray:
-    """Return derivatives from the residuals at `_probes`, zero where a simulation blew up."""
+    """Return derivatives from the residuals at `Descent._probes`, zero where a simulation blew up."""
     behind = answers[:, apart.size :] if answers.shape[1] > apart.size else residual[:, None]
     with np.errstate(invalid="ignore"):
         columns = (answers[:, : apart.size] - behind) / apart

@@ -24,6 +24,7 @@ from discovery.estimation.step_control import tightened
 from discovery.foundation.arguments import check_number
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, SimulationFailure
+from discovery.foundation.start_names import is_start
 from discovery.plots.estimates import FitViews
 from discovery.recordings.chosen import Recordings, training_of
 from discovery.simulation.simulate import check_finite
@@ -87,6 +88,11 @@ class Fit(FitViews):
         return self.problem.named(self.minimum.x)
 
     @property
+    def own_values(self) -> dict[str, float]:
+        """Estimates that belong to the model and not to a recording, by name."""
+        return {n: v for n, v in self.values.items() if not is_start(n)}
+
+    @property
     def sd(self) -> dict[str, float]:
         """Standard deviations by name; NaN where `reasons` says why."""
         with np.errstate(invalid="ignore"):
@@ -140,13 +146,11 @@ class Fit(FitViews):
 
         Where a method of higher order shifts no estimate, it takes the steps.
         """
-        bench, units, gaussian = self.problem.bench, self.problem.units, self.problem.gaussian
-        own = Problem(self.model, Bench(bench.base, self.model.effects, bench.experiments, bench.step), units, gaussian)
-        leap = longest_leap(own, self.minimum, 0.5 * SHIFT)
-        if leap is None:
-            return replace(self, problem=own)
-        leaping = Bench(bench.base, self.model.effects, bench.experiments, bench.step, leap)
-        return replace(self, problem=Problem(self.model, leaping, units, gaussian))
+        whole, effects = self.problem.bench, self.model.effects
+        own = replace(self.problem, bench=Bench(whole.base, effects, whole.experiments, whole.step))
+        if (leap := longest_leap(own, self.minimum, 0.5 * SHIFT)) is not None:
+            own = replace(own, bench=Bench(whole.base, effects, whole.experiments, whole.step, leap))
+        return replace(self, problem=own)
 
     @cached_property
     def physical(self) -> dict[str, tuple[float, float, str]]:
@@ -282,7 +286,7 @@ def refined(found: Fit) -> Fit:
         shift, old = best.solver_shift, best.problem
         if (finer := tightened(old.bench, shift, SHIFT)) is None:
             break
-        problem = Problem(old.model, finer, old.units, old.gaussian)
+        problem = replace(old, bench=finer)
         (minimum,) = fit_problems([problem], [best.minimum.x], iterations=_NEAR)
         if not np.isfinite(minimum.cost):
             break

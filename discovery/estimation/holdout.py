@@ -15,11 +15,12 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.model_error import Channel
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.problem import Problem
+from discovery.estimation.problem import Problem, side_by_side
 from discovery.estimation.residual import errors
 from discovery.estimation.step import choose_step
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import ComputationError
+from discovery.foundation.start_names import is_start
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.parts import motion_over_noise, two_thirds
 
@@ -27,11 +28,6 @@ from discovery.recordings.parts import motion_over_noise, two_thirds
 SEPARATE = "separate recordings"
 #: A state is found within so many steps.
 _ITERATIONS = 12
-
-
-def _physical(values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values that belong to the model, not to a recording."""
-    return {n: v for n, v in values.items() if "[" not in n}
 
 
 @dataclass(frozen=True)
@@ -115,7 +111,8 @@ class HoldOut:
             if asked in self._wild:
                 continue
             try:
-                step = choose_step(model, self.separate, self.units, _physical(values), self.tolerance, bench.effects)
+                own = {n: v for n, v in values.items() if not is_start(n)}
+                step = choose_step(model, self.separate, self.units, own, self.tolerance, bench.effects)
             except ComputationError:
                 # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
                 self._wild.add(asked)
@@ -194,13 +191,9 @@ class HoldOut:
             return errors(*(np.concatenate(each) for each in zip(*some, strict=True)))
 
         result = {"holdout": pooled(pairs)}
-        if not self.continued:
-            inside = [pair for pair, within in zip(pairs, self.inside, strict=True) if within]
-            outside = [pair for pair, within in zip(pairs, self.inside, strict=True) if not within]
-            if inside:
-                result["holdout_inside"] = pooled(inside)
-            if outside:
-                result["holdout_outside"] = pooled(outside)
+        for place, sought in (("inside", True), ("outside", False)):
+            if some := [pair for pair, within in zip(pairs, self.inside, strict=False) if within is sought]:
+                result[f"holdout_{place}"] = pooled(some)
         moving = {i: e.recording.time.size for i, e in self._deciding.items()}
         if any(n < len(pairs[i][1]) for i, n in moving.items()):
             result["holdout_moving"] = pooled([(pairs[i][0][:n], pairs[i][1][:n]) for i, n in moving.items()])
@@ -239,10 +232,7 @@ def held_out(
         known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
         problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}, reference=""))
     starts = fitted_states(problems)
-    vectors = [p.expand(x[:, None]) for p, x in zip(problems, starts, strict=True)]
-    parameters = np.concatenate([v[0] for v in vectors], axis=1)
-    initial = np.concatenate([v[1] for v in vectors], axis=2)
-    channels = bench.predict(parameters, initial)
+    channels = bench.predict(*side_by_side(problems, [x[:, None] for x in starts]))
     return [[c[:, :, i] for c in channels] for i in range(len(candidates))]
 
 

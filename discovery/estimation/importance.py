@@ -80,25 +80,10 @@ def importance_sample(
 
     Where hardly more than one draw counts after all rounds that adapt, it is not: those draws are returned.
 
-    Parameters
-    ----------
-    log_density : callable
-        Log density at points (k, d), minus infinity outside the support.
-    dimension : int
-        Dimension d.
-    rng : Generator
-        Source of the draws.
-    draws, pilot : int
-        Draws of the last round, and of one that adapts the proposal.
-    frame : ndarray, shape (d, d), optional
-        Matrix to coordinates in which valleys may bend, see `discovery.estimation.proposal.Proposal`.
-    rounds, repairs : int
-        How many rounds adapt at most, and how many times the last one is repeated, adapted to itself.
-
-    Raises
-    ------
-    ComputationError
-        If no draw has a finite density.
+    `log_density`: at points (k, d) of `dimension` d, minus infinity outside the support. `draws`, `pilot`: of the last
+    round, and of one that adapts the proposal. `frame` (d, d): matrix to coordinates in which valleys may bend, see
+    `discovery.estimation.proposal.Proposal`. `rounds`, `repairs`: how many rounds adapt at most, and how many times the
+    last one is repeated, adapted to itself. Raises ComputationError if hardly a draw has a finite density.
     """
     proposal = Proposal.standard(dimension, frame)
     last = math.inf
@@ -121,10 +106,9 @@ def importance_sample(
 
 
 def weighed(log_density: LogDensity, proposal: Proposal, rng: Generator, count: int) -> Weighted:
-    """Draw from a proposal and weigh.
+    """Draw so many points from a proposal and weigh them by a log density at points (k, d).
 
-    `log_density`: log density at points (k, d). `proposal`: what to draw from. `rng`: source of the draws. `count`: how
-    many. Raises ComputationError if hardly a draw has a finite density.
+    Raises ComputationError if hardly a draw has a finite density.
     """
     points, log_proposal = proposal.draw(rng, count)
     raw = log_density(points) - log_proposal

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 
 from discovery.equations.lacking import candidates
-from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
 from discovery.foundation.errors import DiscoveryError, InputError
@@ -56,36 +55,30 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
     kept = best != first and cost[first] - cost[best] < needed
     best = first if kept else best
     against = ", ".join(f"{_WORDS[n]} {(c / cost[best]) ** 0.5:.4g}" for n, c in cost.items() if n != best)
-    flag = Flag(
-        "input_chosen", numbers={"words": _WORDS[best], "against": against, "interpolation": best, "kept": kept}
-    )
+    numbers = {"words": _WORDS[best], "against": against, "interpolation": best, "kept": kept}
+    flag = Flag("input_chosen", numbers=numbers)
     train = (replace(e, recording=replace(e.recording, flags=(*e.recording.flags, flag))) for e in dataset.train)
     return _with(replace(dataset, train=tuple(train)), best)
 
 
 def _costs(dataset: Dataset) -> tuple[dict[str, float], int]:
     """Return the chi-square of a fit with each interpolation, and the number of readings that are fitted."""
-    declared: dict[str, float] = {}
-    wide: dict[str, float] = {}
-    samples = 0
+    declared, wide, samples = dict[str, float](), dict[str, float](), 0
     moved = dataset.rig.traits.interpolation == "motion"
     for name in _MOTIONS if moved else _FORCES[: 2 if dataset.train[0].reads_acceleration else None]:
-        parts = [_shortened(e) for e in _with(replace(dataset, holdout=(), test=()), name).train]
+        whole = _with(replace(dataset, holdout=(), test=()), name).train
+        parts = [e.first(min(e.recording.time[e.fitted].size, _SAMPLES)) for e in whole]
         with suppress(DiscoveryError):
             fitted = fit(declared_model(parts[0]), parts)
             declared[name], samples = fitted.chi2, fitted.problem.bench.n_data
-            wide[name] = fit(_widened(fitted.model), parts, start=fitted.values).chi2
+            lacking = [e for e in candidates(fitted.model) if e.partition("_at_")[0] in _LAWS]
+            wide[name] = fit(fitted.model.with_effect(*lacking), parts, start=fitted.values).chi2
     if not declared:
         raise InputError(
             f"{dataset.rig.name}: the declared model cannot be fitted, however the input is interpolated. Set "
             '`interpolation` of the input in the rig file, for example to "spline", to see why.'
         )
     return wide if wide.keys() == declared.keys() else declared, samples
-
-
-def _widened(model: Model) -> Model:
-    """Return the model with the laws beside it that it has not."""
-    return model.with_effect(*(e for e in candidates(model) if e.partition("_at_")[0] in _LAWS))
 
 
 def _with(dataset: Dataset, interpolation: str) -> Dataset:
@@ -98,8 +91,3 @@ def _with(dataset: Dataset, interpolation: str) -> Dataset:
         return tuple(make_experiment(e.recording, rig, fitted_samples=e.fitted_samples) for e in experiments)
 
     return Dataset(rig, smoothed(dataset.train), smoothed(dataset.holdout), smoothed(dataset.test))
-
-
-def _shortened(experiment: Experiment) -> Experiment:
-    fitted = experiment.recording.time[experiment.fitted].size
-    return experiment.first(min(fitted, _SAMPLES))

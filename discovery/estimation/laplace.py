@@ -195,20 +195,17 @@ class Belief:
 
 def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequence[float]) -> Belief:
     """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
-    free, units = problem.free, problem.units
     log, width, centre = [], [], []
-    for name, value in zip(free, x, strict=False):
+    for name, value, (prior, scale) in zip(problem.free, x, problem.priors, strict=False):
         if name in problem.gaussian:
             mean, sd = problem.gaussian[name]
             log.append(-np.log(sd * np.sqrt(2 * np.pi)))
             width.append(sd)
             centre.append(mean - value)
             continue
-        parameter = problem.model.parameters[name]
-        scale = units.scale(parameter)
-        own = _width(parameter.prior, value / scale) * scale
-        density = float(parameter.prior.log_density(value / scale)) - np.log(scale)
-        flat = isinstance(parameter.prior, Flat)
+        own = _width(prior, value / scale) * scale
+        density = float(prior.log_density(value / scale)) - np.log(scale)
+        flat = isinstance(prior, Flat)
         log.append(-np.log(own * np.sqrt(2 * np.pi)) if flat else max(density, -1e3))
         width.append(own)
         centre.append(np.nan)

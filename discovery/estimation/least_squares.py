@@ -52,29 +52,19 @@ def levenberg_marquardt(
 ) -> Request:
     """Minimise half the sum of squared residuals within bounds.
 
-    Parameters
-    ----------
-    start, lower, upper, scale : ndarray, shape (p,)
-        Start (clipped into the bounds), bounds, and the typical size of each parameter.
-    iterations : int
-        Largest number of steps.
-    tolerance : float
-        Stop when a step lowers the cost by less than this share of it, or by far less than the noise.
-    jacobian : ndarray, shape (n, p), optional
-        Derivatives near the start. With it, the search is a quick one: the Jacobian is carried along by Broyden's
-        rank-one update (Math. Comp. 19 (1965) 577) and differenced anew only when a step fails; columns of zeros count
-        as unknown and are differenced at the start. Without it, it is differenced at every step.
-    rough : bool
-        Difference to one side only, and carry the Jacobian along as long as steps keep what it promises; the search
-        ends on one that was differenced. A quick search also differences to one side. Both take derivatives at the
-        middle trial wherever `minimise` sends them along, and carry these to where the step ends.
-    is_behind : callable, optional
-        Asked before every step, with the cost and the number of steps so far, whether to give up.
+    `start`, `lower`, `upper`, `scale` (p,): start (clipped into the bounds), bounds, and the typical size of each
+    parameter. `iterations`: largest number of steps. `tolerance`: stop when a step lowers the cost by less than this
+    share of it, or by far less than the noise. `is_behind`: asked before every step, with the cost and the number of
+    steps so far, whether to give up. Yielded: vectors whose residuals (n, k) are wanted; those of `next` may follow,
+    all or none.
 
-    Yields
-    ------
-    Wanted
-        Parameter vectors whose residuals, shape (n, k), are wanted; those of `next` may follow, all or none.
+    `jacobian` (n, p): derivatives near the start. With it, the search is a quick one: the Jacobian is carried along by
+    Broyden's rank-one update (Math. Comp. 19 (1965) 577) and differenced anew only when a step fails; columns of zeros
+    count as unknown and are differenced at the start. Without it, it is differenced at every step.
+
+    `rough`: difference to one side only, and carry the Jacobian along as long as steps keep what it promises; the
+    search ends on one that was differenced. A quick search also differences to one side. Both take derivatives at the
+    middle trial wherever `minimise` sends them along, and carry these to where the step ends.
     """
     found = Descent(start, lower, upper, scale, tolerance=tolerance, quick=jacobian is not None, rough=rough)
     yield from found.begin(jacobian)
@@ -105,7 +95,7 @@ def minimise(
     return the residuals (n, k) of each. `at_once`: so many points are answered in the time of one: those that nobody
     needs go to what may be wanted next. Returned: in the order of `requests`.
     """
-    results: list[Minimum | None] = [None] * len(requests)
+    results: dict[int, Minimum] = {}
     pending = {i: next(request) for i, request in enumerate(requests)}
     while pending:
         asked = [(i, wanted.points) for i, wanted in pending.items()]
@@ -121,4 +111,4 @@ def minimise(
             except StopIteration as stop:
                 results[i] = stop.value
                 del pending[i]
-    return [result for result in results if result is not None]
+    return [results[i] for i in range(len(requests))]

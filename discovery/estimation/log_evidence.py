@@ -199,14 +199,8 @@ def evidence_of(problem: Linearised) -> Evidence:
 def constant_score(left: Sequence[Channel], natural_time: float, scale: float) -> float:
     """Return the log predictive score of a recording of which nothing is predicted but the mean of each channel [nats].
 
-    Parameters
-    ----------
-    left : sequence of Channel
-        What the mean leaves of every channel, one column each [noise sds].
-    natural_time : float
-        Natural time of the motion [s].
-    scale : float
-        Scale of the prior of the model error [noise sds].
+    `left`: what the mean leaves of every channel, one column each [noise sds]. `natural_time`: of the motion [s].
+    `scale`: of the prior of the model error [noise sds].
     """
     none = np.empty(0)
     nothing = Linearised([], [], Belief(none, none, none, none, none, np.empty(0, bool)), 0, natural_time, scale)

@@ -63,24 +63,9 @@ def physical_parameters(
 
     The parameters of a declared system are in these units by themselves.
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    values : mapping of str to float
-        Of its parameters.
-    fitted : tuple of str
-        What was fitted, in the order of `covariance`.
-    covariance : ndarray, shape (p, p)
-        Of what was fitted.
-    experiment : Experiment
-        A recording of its system: units, rig.
-
-    Returns
-    -------
-    dict of str to (float, float, str)
-        Value, standard deviation (that of the rig included, 0 where nothing of it is uncertain, NaN where an interval
-        is missing) and unit; "inertia" is the moving one.
+    `values`: of the model's parameters. `fitted`: what was fitted, in the order of its `covariance` (p, p).
+    `experiment`: a recording of its system: units, rig. Returned: value, standard deviation (that of the rig included,
+    0 where nothing of it is uncertain, NaN where an interval is missing) and unit; "inertia" is the moving one.
     """
     found = _inertia(model, experiment)
     if found is None:
@@ -108,7 +93,8 @@ def physical_parameters(
     for name in _forces(model):
         value = scale * values[name]
         declared = model.parameters[name].unit
-        exponents = _product((dimension(declared.replace("q", "rad")), 1), (unit, 1), (q, _power_of_q(declared)))
+        powers = [factor.partition("^")[2] or "1" for factor in declared.split() if factor.partition("^")[0] == "q"]
+        exponents = _product((dimension(declared.replace("q", "rad")), 1), (unit, 1), (q, sum(map(int, powers))))
         rows[name] = (value, spread(value, **{name: scale}), named_unit(exponents))
     return rows
 
@@ -117,12 +103,6 @@ def _forces(model: Model) -> list[str]:
     """Return the parameters of a model that are forces, without the directions that its system does not have."""
     found = [name for effect in model.terms for name in amplitudes(effect)]
     return [name for name in found if model.mechanics.system.has_rod or not model.parameters[name].planar]
-
-
-def _power_of_q(unit: str) -> int:
-    """Return the power of the coordinate in a declared unit."""
-    powers = [factor.partition("^")[2] or "1" for factor in unit.split() if factor.partition("^")[0] == "q"]
-    return sum(int(p) for p in powers)
 
 
 def physical_rows(found: Mapping[str, tuple[float, float, str]]) -> dict[str, dict[str, Any]]:

@@ -79,12 +79,11 @@ def predict(
     names = problem.free
     # The step is chosen for this manoeuvre: it may be far quicker than the fitted ones.
     still = dict.fromkeys(experiment.initial_names, 0.0)
-    values = {**{n: v for n, v in fit.values.items() if "[" not in n}, **still}
+    values = {**fit.own_values, **still}
     step = choose_step(fit.model, [experiment], problem.units, values, effects=problem.bench.effects)
     bench = Bench(problem.bench.base, problem.bench.effects, [experiment], step)
-    drive = (
-        [0.0] if experiment.drive is None else experiment.drive.evaluate(experiment.recording.time[:1])[:, 0].tolist()
-    )
+    begin = experiment.recording.time[:1]
+    drive = [0.0] if experiment.drive is None else experiment.drive.evaluate(begin)[:, 0].tolist()
     single = Problem(fit.model, bench, problem.units, problem.gaussian)
     centre = fit.minimum.x[: len(names)]
     # Central differences along each principal axis of the covariance.
@@ -243,10 +242,26 @@ class _Rest:
         return float(np.arctan2(tip[1], tip[0]))
 
     def settled(self, time: float) -> FloatArray:
-        """Return the coordinates in which the straight rod comes to rest."""
+        """Return the coordinates in which the straight rod comes to rest, slowed down by a strong extra friction.
+
+        Raises ComputationError if it does not come to rest.
+        """
+        from scipy.integrate import solve_ivp
+
         q, _ = self.coordinates(0.0, 0.0)
-        first = np.concatenate([q, np.zeros(len(self.program.states) - q.size)])
-        return _settled(self.slopes, first, q.size, time)
+        n = q.size
+
+        def slowed(_: float, state: FloatArray) -> FloatArray:
+            change = self.slopes(state)
+            change[n : 2 * n] -= 4.0 / time * state[n : 2 * n]
+            return change
+
+        first = np.concatenate([q, np.zeros(len(self.program.states) - n)])
+        found = solve_ivp(slowed, (0.0, 60 * time), first, method="LSODA", rtol=1e-8, atol=1e-10)
+        end = found.y[:, -1]
+        if not (found.success and np.abs(slowed(0.0, end)[:n]).max() * time < 1e-5):
+            raise ComputationError(_NO_REST)
+        return end[:n]
 
     def beside(self, deflection: float) -> tuple[float, bool]:
         """Return the angle at which every coordinate rests, near a load at the tip alone, and whether it is found.
@@ -262,23 +277,3 @@ class _Rest:
         found = root(around, np.zeros(q.size), options={"xtol": 1e-13})
         # Near its start it is one also where rounding keeps the solver from its last digits.
         return self.angle(q + found.x), bool(found.success or np.abs(found.x).max() < 0.1)
-
-
-def _settled(slopes: Callable[[FloatArray], FloatArray], first: FloatArray, n: int, time: float) -> FloatArray:
-    """Return the coordinates in which a model comes to rest, its motion slowed down by a strong extra friction.
-
-    Raises ComputationError if it does not come to rest.
-    """
-    from scipy.integrate import solve_ivp
-
-    def slowed(_: float, state: FloatArray) -> FloatArray:
-        change = slopes(state)
-        change[n : 2 * n] -= 4.0 / time * state[n : 2 * n]
-        return change
-
-    found = solve_ivp(slowed, (0.0, 60 * time), first, method="LSODA", rtol=1e-8, atol=1e-10)
-    end = found.y[:, -1]
-    still = found.success and np.abs(slowed(0.0, end)[:n]).max() * time < 1e-5
-    if not still:
-        raise ComputationError(_NO_REST)
-    return end[:n]

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from discovery.declarations.parameters import Parameter
+from discovery.declarations.parameters import Normal, Prior
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -112,16 +112,18 @@ class Problem:
         return (*self.model.free, *extra)
 
     @cached_property
+    def priors(self) -> tuple[tuple[Prior, float], ...]:
+        """Prior and its unit, in the problem's units, of every free number; a state may be up to the whole motion."""
+        declared = {n: self.model.parameters[n] for n in self.free if n not in self.gaussian}
+        known: dict[str, tuple[Prior, float]] = {n: (Normal(*given), 1.0) for n, given in self.gaussian.items()}
+        known |= {n: (p.prior, self.units.scale(p)) for n, p in declared.items()}
+        return (*(known[n] for n in self.free), *((Normal(0.0, 1.0), state.width) for state in self.states))
+
+    @cached_property
     def scale(self) -> FloatArray:
         """Typical size of every free number."""
-        sizes = [
-            self.gaussian[n][1] if n in self.gaussian else self._declared_width(self.model.parameters[n])
-            for n in self.free
-        ]
+        sizes = [prior.width * unit for prior, unit in self.priors[: len(self.free)]]
         return np.array([*sizes, *(state.scale for state in self.states)])
-
-    def _declared_width(self, parameter: Parameter) -> float:
-        return parameter.prior.width * self.units.scale(parameter)
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -135,8 +137,8 @@ class Problem:
                 least, most = max(least, mean - 3 * sd), min(most, mean + 3 * sd)
             lower.append(least)
             upper.append(most)
-        free_start = [np.inf] * len(self.states)
-        return np.array([*lower, *(-np.array(free_start))]), np.array([*upper, *free_start])
+        unbounded = np.full(len(self.states), np.inf)
+        return np.array([*lower, *-unbounded]), np.array([*upper, *unbounded])
 
     def start(self, values: Mapping[str, float]) -> FloatArray:
         """Return a start: `values` where given, else rig values or declared starts, and measured initial states."""
@@ -150,9 +152,7 @@ class Problem:
                 parameter = self.model.parameters[name]
                 first = parameter.starts[0] if parameter.starts else parameter.default
                 x.append(first * self.units.scale(parameter))
-        for state in self.states:
-            x.append(values.get(state.name, state.guess))
-        return np.array(x)
+        return np.array([*x, *(values.get(state.name, state.guess) for state in self.states)])
 
     @cached_property
     def _template(self) -> tuple[FloatArray, IntArray]:
@@ -196,3 +196,10 @@ class Problem:
         rows = [(x[self.free.index(n)] - m) / sd for n, (m, sd) in self.gaussian.items() if n in self.free]
         rows += [x[i] / state.width for i, state in enumerate(self.states, len(self.free)) if state.believed]
         return np.array(rows).reshape(len(rows), x.shape[1])
+
+
+def side_by_side(problems: Sequence[Problem], vectors: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return kernel parameters and starts of free vectors (m, k) of several problems on benches of the same names."""
+    sets = [problem.expand(x) for problem, x in zip(problems, vectors, strict=True)]
+    parameters, starts = (np.concatenate(each, axis=-1) for each in zip(*sets, strict=True))
+    return parameters, starts

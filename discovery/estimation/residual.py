@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from discovery.estimation.problem import Problem
-from discovery.foundation.arrays import FloatArray, IntArray
+from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
 
@@ -60,17 +60,13 @@ class ResidualReport:
         return {**asdict(self), "white": self.white}
 
 
-def _bins(time: FloatArray, period: float) -> IntArray:
-    return np.floor((time - time[0]) / (period / BINS_PER_PERIOD)).astype(np.int64)
-
-
 def systematic_share(residual: FloatArray, time: FloatArray, period: float) -> float:
     """Return the rms of the bin-averaged normalised residual (n, c) with the noise's share removed.
 
     Averages over bins of `period` / 24 hold noise of variance 1/count; the excess of their mean square over that is
     the square of the result (zero where there is no excess).
     """
-    label = _bins(time, period)
+    label = np.floor((time - time[0]) / (period / BINS_PER_PERIOD)).astype(np.int64)
     excess: list[float] = []
     for channel in residual.T:
         good = np.isfinite(channel)
@@ -122,11 +118,7 @@ def correlation_length(experiments: Sequence[Experiment], predictions: Sequence[
 
     The mean of the channels, each taken as a first-order process, see `memory`.
     """
-    lengths = []
-    for e, prediction in zip(experiments, predictions, strict=True):
-        weights = e.weights()
-        for k, channel in enumerate(((prediction - e.recording.output) * weights).T):
-            lengths.append(memory(channel[weights[:, k] > 0]))
+    lengths = [memory(c[np.isfinite(c)]) for part in _normalised(experiments, predictions) for c in part.T]
     return max(1.0, float(np.mean(lengths)))
 
 
@@ -212,12 +204,9 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
     largest = float(np.abs(measured[taken]).max(initial=0.0))
     distance[~(distance <= (_BLOWN * largest or np.inf))] = np.inf
     if distance.size == 0:
-        return {"rms": float("nan"), "mean": float("nan"), "peak": float("nan")}
-    return {
-        "rms": float(np.sqrt(np.mean(distance**2))),
-        "mean": float(distance.mean()),
-        "peak": float(distance.max()),
-    }
+        return dict.fromkeys(("rms", "mean", "peak"), float("nan"))
+    rms = float(np.sqrt(np.mean(distance**2)))
+    return {"rms": rms, "mean": float(distance.mean()), "peak": float(distance.max())}
 
 
 def variance_left(problem: Problem, chi2: float) -> float:

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model, check_declared
+from discovery.estimation.natural_units import NaturalUnits
 from discovery.foundation.arguments import check_names, check_number, check_pair, expect
 from discovery.foundation.start_names import start_name
 from discovery.mechanics import get_base
 from discovery.recordings.chosen import Recordings, check_model, training_of
 from discovery.recordings.experiment import Experiment
-
-if TYPE_CHECKING:
-    from discovery.equations.model import Model
-    from discovery.estimation.natural_units import NaturalUnits
-    from discovery.recordings.experiment import Experiment
 
 #: An initial state is known from the data to this part of the amplitude.
 _KNOWN = 0.01

@@ -15,7 +15,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.problem import Problem
+from discovery.estimation.problem import Problem, side_by_side
 from discovery.estimation.step import Probe, choose_step
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
@@ -69,14 +69,11 @@ def solver_errors(fits: Sequence[tuple[Problem, FloatArray]], bench: Bench) -> F
     errors = np.zeros(len(fits))
     for own in dict.fromkeys(problem.bench for problem, _ in fits):
         here = [i for i, (problem, _) in enumerate(fits) if problem.bench is own]
-        sets = [fits[i][0].expand(fits[i][1][:, None]) for i in here]
-        parameters, initial = (np.concatenate(each, axis=-1) for each in zip(*sets, strict=True))
+        sets = side_by_side([fits[i][0] for i in here], [fits[i][1][:, None] for i in here])
         with np.errstate(over="ignore", invalid="ignore"):
             apart = sum(
                 np.square((b - a) / e.recording.noise[:, None]).sum(axis=(0, 1))
-                for e, a, b in zip(
-                    own.experiments, *(s.predict(parameters, initial) for s in (own, bench)), strict=True
-                )
+                for e, a, b in zip(own.experiments, own.predict(*sets), bench.predict(*sets), strict=True)
             )
         errors[here] = np.where(np.isfinite(apart), apart, np.inf)
     return errors
