@@ -13,7 +13,7 @@ from test_unit_mistakes import FALL, pendulum
 from discovery.cli.loop_page import write_page
 from discovery.cli.say import doubts
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.gravity_scale import _stretches, angle_doubt, fall_doubt
+from discovery.recordings.unit_mistakes import _stretches, angle_doubt, fall_doubt
 from discovery.report.sentences import refutations, verdict_sentence
 from discovery.runs.loop import close_loop
 from discovery.runs.stages import unexplained

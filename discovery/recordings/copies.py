@@ -43,7 +43,10 @@ def copied(first: FloatArray, second: FloatArray) -> int | None:
     noise = _own_noise(second)
     if noise is None:
         return None
-    lag = _lag(first, second)
+    # The second signal comes later by as many rows as those by which the noises of both are most alike.
+    one, other = (np.nan_to_num(np.diff(values, 4)) for values in (first, second))
+    alike = correlate(other, one, method="fft")
+    lag = int(correlation_lags(other.size, one.size)[np.argmax(alike)])
     begin = max(lag, 0)
     common = min(second.size, first.size + lag) - begin
     if common < max(_FEWEST, _MUCH * min(first.size, second.size)):
@@ -66,13 +69,6 @@ def _own_noise(values: FloatArray) -> float | None:
     """Return the noise of readings; None where it is not that of single readings, or less than a step of rounding."""
     noise = white_noise(values)
     return noise if noise is not None and noise > quantum(values) else None
-
-
-def _lag(first: FloatArray, second: FloatArray) -> int:
-    """Return by how many rows the second signal comes later where the noises of both are most alike."""
-    one, other = (np.nan_to_num(np.diff(values, 4)) for values in (first, second))
-    alike = correlate(other, one, method="fft")
-    return int(correlation_lags(other.size, one.size)[np.argmax(alike)])
 
 
 def _size(values: FloatArray) -> float:
@@ -141,7 +137,10 @@ def _disguised(first: Recording, second: Recording) -> int | None:
 
 def _thinned(first: Recording, second: Recording) -> int | None:
     """Return the first common reading where one recording is a part of the other with rows left out."""
-    seen, judged = _readings(first), _readings(second)
+    seen, judged = (
+        np.column_stack([r.output] if r.input is None else [r.output, r.input]).astype(np.float32)
+        for r in (first, second)
+    )
     if seen.shape[1] != judged.shape[1]:
         return None
     same = _SAME_TIME * min(median_step(r.time) for r in (first, second))
@@ -158,12 +157,6 @@ def _thinned(first: Recording, second: Recording) -> int | None:
     if equal.sum() < max(_ROW, most, _EQUAL * meet.sum()) or len(np.unique(judged[equal], axis=0)) < _DIFFERENT:
         return None
     return int(np.argmax(equal))
-
-
-def _readings(recording: Recording) -> npt.NDArray[np.float32]:
-    """Return the readings of a recording beside one another, its input among them."""
-    columns = [recording.output] if recording.input is None else [recording.output, recording.input]
-    return np.column_stack(columns).astype(np.float32)
 
 
 def _shift(

@@ -19,10 +19,10 @@ from discovery.recordings.averaging import averaged_down
 from discovery.recordings.copies import shared_samples
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
-from discovery.recordings.gravity_scale import angle_doubt, fall_doubt
 from discovery.recordings.own_parts import own_parts
 from discovery.recordings.parts import fitted_count, moving_count, moving_part, with_flag
 from discovery.recordings.recording import Recording, read_recording
+from discovery.recordings.unit_mistakes import angle_doubt, fall_doubt
 from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
@@ -65,9 +65,7 @@ class Dataset(DatasetViews):
         expect(self.rig, Rig, "rig", "Read one with read_rig(path).")
         for role in ("train", "holdout", "test"):
             given = getattr(self, role)
-            if not isinstance(given, Iterable):
-                given = (given,)
-            found = tuple(given)
+            found = tuple(given) if isinstance(given, Iterable) else (given,)
             for item in found:
                 expect(item, Experiment, role, "Make one with make_experiment(recording, rig), or use load_dataset.")
             object.__setattr__(self, role, found)

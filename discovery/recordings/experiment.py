@@ -22,28 +22,15 @@ from discovery.simulation.grid import DriveLike, Pace
 
 @dataclass(frozen=True, repr=False)
 class Experiment:
-    """One recording with its smooth input.
-
-    Parameters
-    ----------
-    recording : Recording
-        What was measured.
-    drive : DriveLike or None
-        The input made smooth.
-    rig : Rig
-        The system.
-    fitted_samples : int or None
-        Only so many samples, from the first, are fitted; the rest is held out. None: all. Of a recording that is held
-        out as a whole its start alone is fitted, to these.
-    pace : Pace or None
-        Where the steps of its simulations are shorter than elsewhere. None: nowhere.
-    """
+    """One recording with its smooth input."""
 
     recording: Recording
     drive: DriveLike | None
     rig: Rig
+    #: Only so many samples, from the first, are fitted; the rest is held out. None: all. Of a recording that is held
+    #: out as a whole its start alone is fitted, to these.
     fitted_samples: int | None = None
-    pace: Pace | None = None
+    pace: Pace | None = None  # where the steps of its simulations are shorter than elsewhere; None: nowhere
 
     def __repr__(self) -> str:
         """Return the recording, its rig and how much of it is fitted."""

@@ -55,24 +55,12 @@ def fitted_count(recording: Recording, *, pushed: bool = True) -> int:
     return max(two_thirds(end), half)
 
 
-def motion_begin(recording: Recording) -> int:
-    """Return up to which sample a recording rests, or stays as it is, before anything is seen to move."""
-    return _begin(recording)[0]
-
-
 def motion_end(recording: Recording, moves: Callable[[int], float], rests: float, *, pushed: bool = True) -> int:
     """Return how many samples, from the first, tell of the motion; all where nothing is seen to move, or to rest.
 
-    Parameters
-    ----------
-    moves : callable
-        Scatter beyond which a stretch of so many readings moves [noise sds].
-    rests : float
-        All that lies behind the last stretch that moves rests where it scatters by no more [noise sds]: what is slow
-        moves by less than its noise in any stretch alone. It does not where a force or a voltage holds it there, nor at
-        a steady speed.
-    pushed : bool
-        Whether the input is a force or a voltage.
+    `moves`: scatter beyond which a stretch of so many readings moves [noise sds]. `rests`: all that lies behind the
+    last stretch that moves rests where it scatters by no more [noise sds]: what is slow moves by less than its noise in
+    any stretch alone. It does not where a force or a voltage holds it there (`pushed`), nor at a steady speed.
     """
     count = recording.time.size
     end = _last_moving(recording, moves)
@@ -132,9 +120,8 @@ def moving_count(recording: Recording) -> int | None:
     """
     if recording.input is not None:
         return None
-    count = recording.time.size
-    kept = int(np.ceil((1 + _REST_KEPT) * motion_end(recording, _moves_at, _RESTS)))
-    return kept if kept < count else None
+    kept = int(np.ceil((1 + _REST_KEPT) * motion_end(recording, lambda n: 1 + _BEYOND / float(np.sqrt(2 * n)), _RESTS)))
+    return kept if kept < recording.time.size else None
 
 
 def moving_part(recording: Recording) -> Recording:
@@ -146,11 +133,6 @@ def moving_part(recording: Recording) -> Recording:
     flag = Flag("at_rest", numbers={"count": recording.time.size, "kept": kept, "last": last, "end": end})
     output = recording.output[:kept]
     return replace(recording, time=recording.time[:kept], output=output, flags=(*recording.flags, flag))
-
-
-def _moves_at(count: int) -> float:
-    """Return beyond which scatter a stretch of so many readings moves [noise sds]."""
-    return 1.0 + _BEYOND / float(np.sqrt(2.0 * count))
 
 
 def searched_part(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
@@ -177,7 +159,7 @@ def with_flag(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 
 def _first_part(experiment: Experiment, share: float) -> Experiment:
     size, fitted = experiment.recording.time.size, experiment.fitted_samples
-    begin = motion_begin(experiment.recording)
+    begin, _ = _begin(experiment.recording)
     # Of what rests first, a part may hold no motion.
     rest = begin if begin >= share * (size if fitted is None else fitted) else 0
     count = min(size, max(_FEWEST, rest + math.ceil(share * (size - rest))))

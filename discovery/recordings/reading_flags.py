@@ -145,26 +145,10 @@ def clean_output(
 ) -> tuple[FloatArray, list[Flag]]:
     """Leave out what the instrument did not measure, and tell what else is unusual.
 
-    Parameters
-    ----------
-    label, unit : str
-        Column and its unit in the file.
-    time, values : array, shape (n,)
-        Times [s] and readings; NaN are gaps.
-    noise : float
-        Standard deviation of a reading.
-    returns : bool
-        Whether the system has a rest position, so that its mean must not creep.
-    given : array, shape (n,), optional
-        The input.
-    rate : bool
-        Whether a speed is read, which may stand still at zero.
-
-    Returns
-    -------
-    values : array, shape (n,)
-        With NaN for stuck and clipped readings; the same array where there are none.
-    flags : list of Flag
+    `label`, `unit`: column and its unit in the file. `time`, `values` (n,): times [s] and readings; NaN are gaps.
+    `noise`: standard deviation of a reading. `returns`: whether the system has a rest position, so that its mean must
+    not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. Returned: the
+    readings with NaN for stuck and clipped ones, the same array where there are none, and what is told.
     """
     step = quantum(values, time)
     rounding = step / np.sqrt(12.0)

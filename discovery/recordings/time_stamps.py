@@ -137,20 +137,13 @@ def on_its_clock(rig: Rig, found: Signals) -> list[Flag]:
 def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> SteadyClock | None:
     """Return the steady clock whose times, rounded as the stamps are, are the stamps.
 
-    Parameters
-    ----------
-    stamps : array, shape (n,)
-        As the file has them. All may have as many decimals, or as many digits; those of steps that are shorter than
-        the rounding repeat.
-    channels : sequence of array, shape (n,)
-        Readings; NaN are gaps. They are as smooth on the clock as on the stamps if they were taken on it.
+    None where no clock does, where stamps are off by too little to matter, where every one lies halfway between two of
+    its decimals, and where readings that move are rougher on it; also where stamps are missing or go back, and where a
+    row stands twice.
 
-    Returns
-    -------
-    SteadyClock or None
-        None where no clock does, where stamps are off by too little to matter, where every one lies halfway between two
-        of its decimals, and where readings that move are rougher on it;
-        also where stamps are missing or go back, and where a row stands twice.
+    `stamps` (n,): as the file has them. All may have as many decimals, or as many digits; those of steps that are
+    shorter than the rounding repeat. `channels` (n,) each: readings; NaN are gaps. They are as smooth on the clock as
+    on the stamps if they were taken on it.
 
     Examples
     --------
@@ -165,7 +158,9 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     again = np.flatnonzero(steps == 0.0)
     if again.size and _stand_twice(again, channels):
         return None
-    most, count = 0.5 * _resolutions(stamps), _counted(steps)
+    # How many steps of the clock each reading is from the first: where stamps repeat, none was lost.
+    each = np.ones_like(steps) if again.size else np.round(steps / np.median(steps))
+    most, count = 0.5 * _resolutions(stamps), np.concatenate([[0.0], np.cumsum(each)])
     line = np.polynomial.Polynomial.fit(count, stamps, 1, w=1.0 / most)
     off = np.abs(stamps - line(count))
     # No line lies much nearer than the one of least squares, which is cheap.
@@ -180,12 +175,6 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     # Where stamps repeat, no reading can be told from its neighbour by them.
     rougher = not again.size and _rougher(stamps, time, channels)
     return None if rougher else SteadyClock(time, step, 2.0 * float(most.max()))
-
-
-def _counted(steps: FloatArray) -> FloatArray:
-    """Return how many steps of the clock each reading is from the first: where stamps repeat, none was lost."""
-    each = np.ones_like(steps) if (steps == 0.0).any() else np.round(steps / np.median(steps))
-    return np.concatenate([[0.0], np.cumsum(each)])
 
 
 def _stand_twice(again: IntArray, channels: Sequence[FloatArray]) -> bool:

@@ -74,19 +74,8 @@ def joined_turns(angle: FloatArray, time: FloatArray, column: str = "") -> tuple
     All readings then lie within a turn, and where it begins again they jump by one, beside steps that are far smaller.
     A jump of another size is kept.
 
-    Parameters
-    ----------
-    angle, time : array, shape (n,)
-        Angle [rad], NaN in gaps, and times in any unit.
-    column : str
-        Its name in the file, for the flag.
-
-    Returns
-    -------
-    angle : array, shape (n,)
-        The same array where nothing is joined.
-    flags : list of Flag
-        That turns were joined.
+    `angle`, `time` (n,): angle [rad], NaN in gaps, and times in any unit. `column`: its name in the file, for the flag.
+    Returned: the same array where nothing is joined, and a flag where turns were joined.
 
     Examples
     --------

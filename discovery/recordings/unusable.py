@@ -43,9 +43,9 @@ def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
     """
     for role, experiment in recordings:
         _refuse_one(role, experiment)
-    _refuse_unmoved([e for role, e in recordings if role == "train"])
-    _refuse_undriven([e for role, e in recordings if role == "train"])
-    _refuse_unbent([e for role, e in recordings if role == "train"])
+    fitted = [e for role, e in recordings if role == "train"]
+    for refuse in (_refuse_unmoved, _refuse_undriven, _refuse_unbent):
+        refuse(fitted)
 
 
 def _refuse_one(role: str, experiment: Experiment) -> None:
@@ -125,7 +125,9 @@ def _refuse_undriven(experiments: Sequence[Experiment]) -> None:
             "other inputs in train as well, steps of several sizes, or remove the input from [columns] in the rig "
             f"file: {constant} then holds what it does."
         )
-    level, zero = _begins(first), ""
+    # Where the first readings lie.
+    y = first.recording.output[:, 0]
+    level, zero = float(np.median(y[np.isfinite(y)][:_BEGINNING])), ""
     if get_base(first.rig.base).order == 0 and _drives(first, level):
         output = first.rig.columns.output
         begins = output.zero + level / (output.scale * si_factor(output.unit))
@@ -150,12 +152,6 @@ def _is_constant(effect: Effect, reach: float) -> bool:
         if not force.has(t, *own) and force.subs(rest) != 0:
             return bool(abs(force.subs(far) / force.subs(rest) - 1) < _HARDLY)
     return False
-
-
-def _begins(experiment: Experiment) -> float:
-    """Return where the first readings of a recording lie."""
-    y = experiment.recording.output[:, 0]
-    return float(np.median(y[np.isfinite(y)][:_BEGINNING]))
 
 
 def _drives(experiment: Experiment, level: float = 0.0) -> bool:
