@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from discovery.foundation.errors import NotIdentifiable as NotIdentifiable
     from discovery.foundation.errors import SimulationFailure as SimulationFailure
     from discovery.posterior.draws import Posterior as Posterior
+    from discovery.posterior.model_comparison import choose_noise as choose_noise
     from discovery.posterior.model_comparison import compare_models as compare_models
-    from discovery.posterior.noise_choice import choose_noise as choose_noise
     from discovery.posterior.predictive import predictive as predict_bands
     from discovery.posterior.sampling import sample as sample
     from discovery.recordings.dataset import Dataset as Dataset
@@ -73,7 +73,7 @@ _HOMES = {
     "SimulationFailure": "discovery.foundation.errors:SimulationFailure",
     "build_report": "discovery.report:build_report",
     "catalogue": "discovery.declarations.registry:catalogue",
-    "choose_noise": "discovery.posterior.noise_choice:choose_noise",
+    "choose_noise": "discovery.posterior.model_comparison:choose_noise",
     "close_loop": "discovery.runs.loop:close_loop",
     "compare_models": "discovery.posterior.model_comparison:compare_models",
     "declared_model": "discovery.estimation.declared:declared_model",

@@ -26,10 +26,9 @@ from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Norm
 from discovery.equations.model import Model
 from discovery.estimation.importance import importance_sample
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import LogPosterior, log_posterior
 from discovery.posterior.noise import noise_of
-from discovery.posterior.noise.model import Logistic
+from discovery.posterior.noise.model import Logistic, instruments
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig

@@ -233,7 +233,7 @@ def test_a_read_only_installation_needs_no_home(folder: Path) -> None:
     # With this setting the compiler's own cache finds a place for nothing, as there.
     code = """
 import discovery_datasets.beam, discovery_datasets.engine
-import discovery.posterior.noise.filters, discovery.posterior.noise.tails, discovery.runs.pipeline, discovery.report
+import discovery.posterior.noise.filters, discovery.posterior.noise.quantised, discovery.runs.pipeline, discovery.report
 from test_disk_cache import called
 print(*called())
 """

@@ -11,8 +11,7 @@ from scipy import stats
 from discovery.posterior import ensembles
 from discovery.posterior.checkpoint import restore, save
 from discovery.posterior.diagnostics import convergence, tail_effective
-from discovery.posterior.moves import DifferentialEvolution, IndependenceMove, Snooker, Stretch
-from discovery.posterior.student_mixture import StudentMixture
+from discovery.posterior.moves import DifferentialEvolution, IndependenceMove, Snooker, Stretch, StudentMixture
 
 MOVES = {
     "independence": lambda: IndependenceMove(StudentMixture.standard(3)),
@@ -151,7 +150,7 @@ def test_pieces_of_blocks_are_the_same_chain(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         list(ensembles.grow(pieces, 500, keep))
     assert kept[-2:] == [170, 171]
-    assert restore(tmp_path / "chain.h5", resumed, "run")
+    assert restore(tmp_path / "chain.h5", resumed, "run") is not None
     assert list(ensembles.grow(resumed, 500)) == [stop for stop in stops if stop > 170]
     for one, other in zip(whole, resumed, strict=True):
         assert np.array_equal(one.chain, other.chain)
@@ -163,14 +162,14 @@ def test_adapted_ensembles_continue_from_a_checkpoint(tmp_path):
     list(ensembles.grow(whole, 500))
     list(ensembles.grow(first, 300))
     save(tmp_path / "chain.h5", first, "run")
-    assert restore(tmp_path / "chain.h5", second, "run")
+    assert restore(tmp_path / "chain.h5", second, "run") is not None
     list(ensembles.grow(second, 500))
     assert any(e.adapted for e in second)
     for a, b in zip(whole, second, strict=True):
         assert np.array_equal(a.chain, b.chain)
         assert np.array_equal(a.log_prob, b.log_prob)
         assert a.adapted == b.adapted
-    assert not restore(tmp_path / "none.h5", second, "run")
+    assert restore(tmp_path / "none.h5", second, "run") is None
 
 
 def test_convergence_sees_ensembles_that_disagree_and_coupled_walkers():

@@ -33,8 +33,7 @@ from discovery.estimation.importance import LARGEST_K, importance_sample
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.posterior.likelihood import NOISE_PRIOR, log_posterior
 from discovery.posterior.marginal_likelihood import _log_mass, log_evidence, log_prior_mass
-from discovery.posterior.model_comparison import compare_models
-from discovery.posterior.noise_choice import choose_noise
+from discovery.posterior.model_comparison import choose_noise, compare_models
 from discovery.posterior.sampling import sample
 from discovery.recordings.dataset import load_dataset
 from discovery.screening.refits import Refit
@@ -190,11 +189,11 @@ def test_priors_count_within_their_bounds_only(linear):
     low, high = free.problem.bounds
     expected = sum(
         math.log(np.diff(laws[type(prior)](prior).cdf([a / unit, b / unit]))[0])
-        for (prior, unit), a, b in zip(target.priors, low, high, strict=True)
+        for (prior, unit), a, b in zip(target.problem.priors, low, high, strict=True)
     )
     assert log_prior_mass(target) == pytest.approx(expected, abs=1e-6)
     improper = dataclasses.replace(target)
-    improper.__dict__["priors"] = ((Flat(), 1.0), *target.priors[1:])
+    improper.problem.__dict__["priors"] = ((Flat(), 1.0), *target.problem.priors[1:])
     improper.problem.__dict__["bounds"] = (np.full(5, -np.inf), np.full(5, np.inf))
     with pytest.raises(InputError, match="flat without bounds"):
         log_evidence(improper, np.random.default_rng(1))

@@ -25,7 +25,7 @@ HOMES = {
         "discovery.simulation.kernel.straight_line",
         "discovery.simulation.kernel.vectormath",
         "discovery.posterior.noise.filters",
-        "discovery.posterior.noise.tails",
+        "discovery.posterior.noise.quantised",
         "discovery.screening.bounded_gain",
         "discovery_datasets.compiled",
     },

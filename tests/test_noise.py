@@ -27,13 +27,13 @@ from scipy import integrate, optimize, signal, special, stats
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.foundation.errors import InputError
-from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
 from discovery.posterior.marginal_likelihood import log_evidence
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, applicable, is_independent, noise_of, words_of
 from discovery.posterior.noise.filters import exponential, oscillating
-from discovery.posterior.noise.model import Logistic
-from discovery.posterior.noise.tails import rounded, scattered
+from discovery.posterior.noise.model import Logistic, instruments
+from discovery.posterior.noise.quantised import rounded
+from discovery.posterior.noise.student_t import scattered
 from discovery.posterior.whitening import settled
 
 

@@ -542,7 +542,7 @@ def test_a_kernel_computes_the_same_when_just_compiled_and_when_loaded(tmp_path:
 import hashlib, numpy as np
 from discovery.simulation.simulate import Simulator
 from discovery.posterior.noise.filters import oscillating
-from discovery.posterior.noise.tails import rounded
+from discovery.posterior.noise.quantised import rounded
 effects = ("linear_stiffness", "viscous_damping", "cubic_stiffness", "coulomb_friction", "sensor_delay")
 s = Simulator("elastica_calm", effects, np.linspace(0, 2, 101), None, step=0.01)
 values = {"length": 1.0, "mu": 0.05, "xi": 0.05, "alpha": 9.0, "tau": 0.0137}

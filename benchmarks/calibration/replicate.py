@@ -23,10 +23,9 @@ from discovery.estimation.fit import Fit
 from discovery.estimation.importance import LARGEST_K, Weighted, importance_sample
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
-from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN, noise_of
-from discovery.posterior.noise.model import Logistic, share_of
+from discovery.posterior.noise.model import Logistic, instruments, share_of
 from discovery.recordings.experiment import Experiment
 
 FloatArray = NDArray[np.float64]
@@ -96,7 +95,7 @@ def drawn_truth(target: LogPosterior, rng: Generator) -> FloatArray:
     bounds = zip(*target.problem.bounds, strict=True)
     free = [
         unit * drawn_from(prior, low / unit, high / unit, rng)
-        for (prior, unit), (low, high) in zip(target.priors, bounds, strict=True)
+        for (prior, unit), (low, high) in zip(target.problem.priors, bounds, strict=True)
     ]
     shapes = [p.prior for model in target.models for p in model.parameters]
     others = [drawn_from(p, -np.inf, np.inf, rng) for p in [NOISE] * len(target.instruments) + shapes]

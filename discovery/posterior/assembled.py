@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from discovery.estimation.fit import Fit
 from discovery.foundation.arrays import FloatArray
 from discovery.posterior.diagnostics import Convergence, tail_effective
 from discovery.posterior.draws import Posterior
+from discovery.posterior.ensembles import Ensemble
+from discovery.posterior.independence import Chains
+from discovery.posterior.likelihood import LogPosterior
 from discovery.posterior.priors import prior_draws
-
-if TYPE_CHECKING:
-    from discovery.estimation.fit import Fit
-    from discovery.posterior.ensembles import Ensemble
-    from discovery.posterior.independence import Chains
-    from discovery.posterior.likelihood import LogPosterior
 
 #: Packages whose versions decide the draws.
 PACKAGES = ("discovery", "numpy", "scipy", "numba", "emcee", "arviz-stats")

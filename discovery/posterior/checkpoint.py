@@ -22,7 +22,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.posterior.ensembles import Ensemble
-from discovery.posterior.student_mixture import StudentMixture
+from discovery.posterior.moves import StudentMixture
 
 _PROPOSAL = tuple(field.name for field in fields(StudentMixture))
 #: Points that are asked for together, in whole lanes of the kernel, and seconds after which what was done is kept.
@@ -65,14 +65,15 @@ def save(
         temporary.write_bytes(made.getbuffer())
 
 
-def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> bool:
-    """Bring ensembles to where a checkpoint of their run left them, and return whether there is one.
+def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: str) -> FloatArray | None:
+    """Bring ensembles to where a checkpoint of their run left them; None where there is none.
 
-    InputError if the file is not a checkpoint of this run.
+    Returned: the log densities (n, 2) that the run asked for beside its ensembles. InputError if the file is not a
+    checkpoint of this run.
     """
     path = Path(path)
     if not path.exists():
-        return False
+        return None
     cure = "Delete it, or name another file."
     try:
         with h5py.File(path) as file:
@@ -80,15 +81,9 @@ def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: st
                 raise InputError(f"{path} holds the chains of another model, recording or seed. {cure}")
             for i, ensemble in enumerate(ensembles):
                 _restore(ensemble, file[f"ensemble_{i}"])
+            return np.asarray(file["densities"][:], np.float64)
     except (OSError, KeyError) as error:
         raise InputError(f"{path} is not a checkpoint of a posterior. {cure}") from error
-    return True
-
-
-def densities(path: str | os.PathLike[str]) -> FloatArray:
-    """Return the log densities (n, 2) that the run of a checkpoint asked for beside its ensembles."""
-    with h5py.File(path) as file:
-        return np.asarray(file["densities"][:], np.float64)
 
 
 def _restore(ensemble: Ensemble, group: Any) -> None:

@@ -19,8 +19,7 @@ from numpy.random import MT19937, Generator, RandomState, SeedSequence
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.workers import single_algebra
-from discovery.posterior.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch
-from discovery.posterior.student_mixture import StudentMixture
+from discovery.posterior.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch, StudentMixture
 
 LogDensity = Callable[[FloatArray], FloatArray]
 

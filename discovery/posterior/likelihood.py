@@ -16,21 +16,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from discovery.declarations.parameters import Normal, Prior
+from discovery.declarations.parameters import Normal
+from discovery.estimation.fit import Fit
+from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import NotIdentifiable
-from discovery.posterior.instrument import Instrument, instruments
 from discovery.posterior.noise import GAUSSIAN, Noise, NoiseParameter, noise_of
-from discovery.posterior.robust_start import residual_blocks
-from discovery.posterior.whitening import cholesky, information_covariance, refined_start, settled
-
-if TYPE_CHECKING:
-    from discovery.estimation.fit import Fit
-    from discovery.estimation.problem import Problem
+from discovery.posterior.noise.model import Instrument, instruments
+from discovery.posterior.whitening import cholesky, information_covariance, refined_start, residual_blocks, settled
 
 #: Of the logarithm of the noise factor: flat over any factor that could occur, and yet a density.
 NOISE_PRIOR = Normal(0.0, 5.0)
@@ -121,16 +117,11 @@ class LogPosterior:
             for name, middle, up, down in list(zip(self.names, *ends, strict=True))[first:]
         }
 
-    @cached_property
-    def priors(self) -> tuple[tuple[Prior, float], ...]:
-        """Prior and its unit, in the problem's units, of every free number of the problem."""
-        return _priors(self.problem)
-
     def log_prior(self, vectors: FloatArray) -> FloatArray:
         """Return the log prior density of sampled vectors (k, d), minus infinity outside the bounds."""
         p = len(self.problem.names)
         total = np.zeros(len(vectors))
-        for column, (prior, unit) in zip(vectors.T[:p], self.priors, strict=True):
+        for column, (prior, unit) in zip(vectors.T[:p], self.problem.priors, strict=True):
             total += prior.log_density(column / unit) - math.log(unit)
         noise = [NOISE_PRIOR] * len(self.instruments) + [parameter.prior for _, parameter in self._extra]
         for prior, column in zip(noise, vectors.T[p:], strict=True):
@@ -188,18 +179,6 @@ class LogPosterior:
         return total
 
 
-def _priors(problem: Problem) -> tuple[tuple[Prior, float], ...]:
-    found: list[tuple[Prior, float]] = []
-    for name in problem.free:
-        if name in problem.gaussian:
-            found.append((Normal(*problem.gaussian[name]), 1.0))
-        else:
-            parameter = problem.model.parameters[name]
-            found.append((parameter.prior, problem.units.scale(parameter)))
-    # An initial state may be anything up to the size of the whole motion.
-    return (*found, *((Normal(0.0, 1.0), state.width) for state in problem.states))
-
-
 def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     """Return the log posterior around a fit on any base, under a noise model by its name.
 
@@ -217,7 +196,7 @@ def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     problem = fit.problem
     parts = instruments(problem.bench.experiments)
     models = noise_of(noise, problem, parts)
-    widths = np.array([prior.width * unit for prior, unit in _priors(problem)])
+    widths = np.array([prior.width * unit for prior, unit in problem.priors])
     if models:
         centre, covariance = refined_start(fit, models, widths, NOISE_PRIOR)
         whitened = settled(lambda c, f: LogPosterior(problem, parts, c, f, models), centre, cholesky(covariance))

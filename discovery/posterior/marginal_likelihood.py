@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -14,9 +14,7 @@ from discovery.declarations.parameters import Prior
 from discovery.estimation.importance import Weighted, importance_sample
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-
-if TYPE_CHECKING:
-    from discovery.posterior.likelihood import LogPosterior
+from discovery.posterior.likelihood import LogPosterior
 
 #: Fewer draws tell nothing of an integral.
 FEWEST_DRAWS = 100
@@ -78,7 +76,7 @@ def log_prior_mass(target: LogPosterior) -> float:
     lower, upper = target.problem.bounds
     return sum(
         _log_mass(prior, a / unit, b / unit)
-        for (prior, unit), a, b in zip(target.priors, lower.tolist(), upper.tolist(), strict=True)
+        for (prior, unit), a, b in zip(target.problem.priors, lower.tolist(), upper.tolist(), strict=True)
     )
 
 

@@ -16,41 +16,28 @@ from discovery.estimation.problem import Problem
 from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.posterior.instrument import noise_names
+from discovery.posterior.noise.model import noise_names
 from discovery.recordings.chosen import Recordings, check_model, training_of
+from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
 
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
-    from discovery.recordings.experiment import Experiment
 
 QUANTILES = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True, repr=False)
 class Band:
-    """Pointwise quantiles of one recording.
+    """Pointwise quantiles of one recording."""
 
-    Parameters
-    ----------
-    name : str
-        Of the recording.
-    time : ndarray, shape (n,)
-        [s].
-    channels, units : tuple of str
-        As recorded.
-    motion : ndarray, shape (3, n, c)
-        5, 50 and 95 % quantiles of the reading without noise: how uncertain the model's parameters leave it.
-    reading : ndarray, shape (3, n, c)
-        The same of what the instrument would read, noise included.
-    """
-
-    name: str
-    time: FloatArray
+    name: str  # of the recording
+    time: FloatArray  # (n,) [s]
     channels: tuple[str, ...]
     units: tuple[str, ...]
+    #: (3, n, c): 5, 50 and 95 % quantiles of the reading without noise: how uncertain the parameters leave it.
     motion: FloatArray
-    reading: FloatArray
+    reading: FloatArray  # (3, n, c), the same of what the instrument would read, noise included
 
     def __repr__(self) -> str:
         """Return name, size and channels."""

@@ -108,7 +108,7 @@ def marginal_priors(target: LogPosterior) -> dict[str, MarginalPrior]:
     bounds = zip(*(edge.tolist() for edge in target.problem.bounds), strict=True)
     return {
         name: MarginalPrior(prior, unit, both)
-        for name, (prior, unit), both in zip(free, target.priors, bounds, strict=False)
+        for name, (prior, unit), both in zip(free, target.problem.priors, bounds, strict=False)
     }
 
 
@@ -119,7 +119,7 @@ def prior_draws(target: LogPosterior, count: int, rng: Generator) -> dict[str, F
     """
     problem = target.problem
     noise = [NOISE_PRIOR] * len(target.instruments) + [p.prior for model in target.models for p in model.parameters]
-    laws = [*target.priors, *((prior, 1.0) for prior in noise)]
+    laws = [*target.problem.priors, *((prior, 1.0) for prior in noise)]
     open_ends = np.full(len(noise), np.inf)
     lower, upper = np.append(problem.bounds[0], -open_ends), np.append(problem.bounds[1], open_ends)
     columns = [

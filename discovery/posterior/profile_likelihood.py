@@ -23,8 +23,8 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
-from discovery.posterior.instrument import instruments
 from discovery.posterior.likelihood import LogPosterior
+from discovery.posterior.noise.model import instruments
 
 #: Quantile 0.9 of chi-square with one degree of freedom.
 CUT = 2.7055434540954

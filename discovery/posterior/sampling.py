@@ -17,7 +17,7 @@ from discovery.foundation.arguments import as_path, check_number, check_seed, ch
 from discovery.foundation.errors import InputError, NotConverged
 from discovery.foundation.progress import Progress, Tell, teller
 from discovery.posterior.assembled import PACKAGES, of_chains, of_ensembles
-from discovery.posterior.checkpoint import Remembered, densities, fingerprint, restore, save
+from discovery.posterior.checkpoint import Remembered, fingerprint, restore, save
 from discovery.posterior.diagnostics import LENGTH_IN_TAU, Convergence, convergence
 from discovery.posterior.draws import Posterior
 from discovery.posterior.ensembles import TEMPERED, Ensemble, grow, start_ensembles
@@ -120,8 +120,8 @@ def sample(
     group = start_ensembles(target, target.dimension, walkers=walkers, seeds=seeds)
     run = _run_of(target, [ensemble.state.coords for ensemble in group])
     asked = Remembered(target, keep=lambda: keep())
-    if backend_path is not None and restore(backend_path, group, run):
-        asked.values = densities(backend_path)
+    if backend_path is not None and (known := restore(backend_path, group, run)) is not None:
+        asked.values = known
 
     def keep() -> None:
         if backend_path is not None:

@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.random import Generator
 
+from discovery.estimation.fit import Fit
 from discovery.foundation.errors import SimulationFailure
 from discovery.posterior.correlations import Autocorrelation, Correlations, autocorrelation, correlations
+from discovery.posterior.draws import Posterior
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.predictive import Band, fitted_starts, predictive
 from discovery.posterior.priors import MarginalPrior, PriorEffect, marginal_priors, prior_effects
 from discovery.posterior.profile_likelihood import CUT, Profile, profiles
+from discovery.recordings.experiment import Experiment
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from discovery.estimation.fit import Fit
-    from discovery.posterior.draws import Posterior
-    from discovery.recordings.experiment import Experiment
 
 #: Recordings of more samples get no predictive band.
 LONGEST_BAND = 20_000
@@ -150,9 +149,7 @@ def study_posterior(
                 held.append(experiment)
     shown = [*train, *held]
     seen = [*(e.fitted for e in train), *[slice(0, 0)] * len(held)]
-    rows: list[Coverage] = []
-    for experiment, band, fitted in zip(shown, bands, seen, strict=True):
-        rows += _covered(experiment, band, fitted)
+    covered = (row for found in zip(shown, bands, seen, strict=True) for row in _covered(*found))
     return PosteriorStudy(
         priors,
         tuple(prior_effects(flat, priors)),
@@ -160,7 +157,7 @@ def study_posterior(
         correlations=correlations(posterior),
         autocorrelation=autocorrelation(posterior),
         bands=tuple(bands),
-        coverage=tuple(rows),
+        coverage=tuple(covered),
         ranges={name: tuple(np.quantile(flat[name], _NEARLY_ALL).tolist()) for name in priors},
     )
 
@@ -180,16 +177,6 @@ def _covered(experiment: Experiment, band: Band, seen: slice) -> list[Coverage]:
         shares, widths = band.coverage(measured), (band.reading[2] - band.reading[0])[samples]
         for c, (channel, unit) in enumerate(zip(band.channels, band.units, strict=True)):
             if count[c]:
-                width = float(widths[:, c].mean())
-                rows.append(
-                    Coverage(
-                        band.name,
-                        part,
-                        channel=channel,
-                        unit=unit,
-                        readings=int(count[c]),
-                        share=float(shares[c]),
-                        width=width,
-                    )
-                )
+                share, width = float(shares[c]), float(widths[:, c].mean())
+                rows.append(Coverage(band.name, part, channel, unit, int(count[c]), share=share, width=width))
     return rows

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.random import Generator
 from scipy import stats
 from scipy.special import log_ndtr
 
@@ -30,12 +29,12 @@ from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
 from discovery.posterior.noise.quantised import Quantised
 from discovery.posterior.noise.student_t import StudentT
 from discovery.posterior.predictive import degrees, errors, noise_factor, simulated
+from discovery.recordings.experiment import Experiment
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from discovery.posterior.draws import Posterior
-    from discovery.recordings.experiment import Experiment
 
 _DIAGNOSTICS = ("r_hat", "tau", "ess", "ess_tail")
 
@@ -80,28 +79,40 @@ def sampled(posterior: Posterior) -> dict[str, xr.Dataset]:
 
 
 def readings(posterior: Posterior, experiments: Sequence[Experiment], *, pointwise: bool) -> dict[str, xr.Dataset]:
-    """Return the groups of single readings, for all draws."""
-    ensembles = len(posterior.draws)
+    """Return the groups of the fitted readings beside what all draws make of them, noise included.
+
+    `pointwise`: with the log density of each reading. InputError for a recording that was not fitted, or channels whose
+    noise was not sampled.
+    """
+    for experiment in experiments:
+        _check_fitted(posterior, experiment)
+    ensembles, parts = len(posterior.draws), [experiment.fitted_part for experiment in experiments]
     draws = {name: as_chains(posterior.draws[..., i])[1].ravel() for i, name in enumerate(posterior.names)}
-    rng = np.random.default_rng(posterior.provenance["seed"])
-    found = replicated(posterior, experiments, draws, rng)
-    time = {r.name: r.time for r in found}
-    channel = {r.name: r.channel for r in found}
-    units = {c: unit for e in experiments for c, unit in zip(e.recording.channels, e.recording.units, strict=True)}
+    count, rng = next(iter(draws.values())).size, np.random.default_rng(posterior.provenance["seed"])
+    observed, again, scores, time = (dict[str, FloatArray]() for _ in range(4))
+    channel: dict[str, tuple[str, ...]] = {}
 
     def by_draw(values: FloatArray) -> FloatArray:
         return np.moveaxis(values.reshape(len(values), ensembles, -1), 0, -1)
 
-    groups = {
-        "observed_data": of_readings({r.name: r.observed for r in found}, time, channel, units),
-        "posterior_predictive": of_readings(
-            {r.name: by_draw(r.again).astype(np.float32) for r in found}, time, channel, units
-        ),
+    for experiment, motion in zip(parts, simulated(posterior, parts, draws), strict=True):
+        r, seen, shape = experiment.recording, experiment.weights() > 0, (*motion.shape[:2], count)
+        motion = np.broadcast_to(motion, shape)
+        scale = np.broadcast_to(r.scatter[:, :, None] * noise_factor(posterior, r.channels, draws), shape)
+        rows, columns = np.nonzero(seen)
+        time[r.name], channel[r.name] = r.time[rows], tuple(r.channels[c] for c in columns)
+        observed[r.name] = r.output[seen]
+        again[r.name] = by_draw((motion + scale * errors(r.channels, draws, shape, rng))[seen]).astype(np.float32)
+        if pointwise:
+            half, nu = np.broadcast_to(0.5 * r.steps[:, None], shape), degrees(r.channels, draws)
+            density = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, nu)
+            scores[r.name] = by_draw(density[seen])
+    units = {c: unit for e in experiments for c, unit in zip(e.recording.channels, e.recording.units, strict=True)}
+    return {
+        "observed_data": of_readings(observed, time, channel, units),
+        "posterior_predictive": of_readings(again, time, channel, units),
+        **({"log_likelihood": of_all_readings(scores, time, channel)} if pointwise else {}),
     }
-    if pointwise:
-        scores = {r.name: by_draw(r.log_likelihood) for r in found}
-        groups["log_likelihood"] = of_all_readings(scores, time, channel)
-    return groups
 
 
 def _attributes_of(posterior: Posterior, name: str) -> dict[str, Any]:
@@ -110,11 +121,6 @@ def _attributes_of(posterior: Posterior, name: str) -> dict[str, Any]:
     attributes |= {"units": posterior.units[name], "fit_value": value, "fit_sd": sd}
     attributes |= {"stated_noise": posterior.stated_noise[name]} if name in posterior.stated_noise else {}
     return attributes | ({"long_name": posterior.meanings[name]} if name in posterior.meanings else {})
-
-
-def _natural_units(stored: dict[str, Any]) -> NaturalUnits:
-    """Return natural units from JSON, which has no tuples."""
-    return NaturalUnits(**stored | {"places": tuple(tuple(place) for place in stored["places"])})
 
 
 def _attributes(posterior: Posterior) -> dict[str, Any]:
@@ -141,7 +147,9 @@ def fields_of(tree: xr.DataTree) -> dict[str, Any]:
         return {name: float(told[key]) for name, told in said.items() if key in told}
 
     value, sd = attribute("fit_value"), attribute("fit_sd")
-    gaussian = json.loads(dataset.attrs["gaussian"])
+    gaussian, natural = (json.loads(dataset.attrs[key]) for key in ("gaussian", "natural_units"))
+    # JSON has no tuples.
+    places = tuple(tuple(place) for place in natural.pop("places"))
     return dict(
         names=tuple(values),
         units={name: str(told["units"]) for name, told in said.items()},
@@ -155,28 +163,11 @@ def fields_of(tree: xr.DataTree) -> dict[str, Any]:
         stated_noise=attribute("stated_noise"),
         meanings={name: str(told["long_name"]) for name, told in said.items() if "long_name" in told},
         model=Model.from_dict(json.loads(dataset.attrs["model"])),
-        natural=_natural_units(json.loads(dataset.attrs["natural_units"])),
+        natural=NaturalUnits(**natural, places=places),
         gaussian={name: (float(m), float(s)) for name, (m, s) in gaussian.items()},
         step=float(dataset.attrs["solver_step_s"]),
         provenance=json.loads(dataset.attrs["provenance"]),
     )
-
-
-@dataclass(frozen=True)
-class Replicated:
-    """The n fitted readings of one recording beside what k draws make of them.
-
-    `time` [s] and `channel` say when and by which channel each was `observed`. `again` (n, k) is what the instrument
-    would have read, noise included, and `log_likelihood` (n, k) the log density of each reading; NaN where it is not
-    defined.
-    """
-
-    name: str
-    time: FloatArray
-    channel: tuple[str, ...]
-    observed: FloatArray
-    again: FloatArray
-    log_likelihood: FloatArray
 
 
 def check_pointwise(noise: str) -> None:
@@ -187,32 +178,6 @@ def check_pointwise(noise: str) -> None:
             "likelihood of single readings, and leave-one-out with it, means nothing. Ask for pointwise=False, and "
             "compare models by their evidence, with discovery.posterior.model_comparison.compare_models."
         )
-
-
-def replicated(
-    posterior: Posterior, experiments: Sequence[Experiment], draws: Mapping[str, FloatArray], rng: Generator
-) -> list[Replicated]:
-    """Return the fitted readings of recordings beside what draws (k,) of every quantity make of them.
-
-    InputError for a recording that was not fitted, or channels whose noise was not sampled.
-    """
-    for experiment in experiments:
-        _check_fitted(posterior, experiment)
-    parts = [experiment.fitted_part for experiment in experiments]
-    found = []
-    for experiment, motion in zip(parts, simulated(posterior, parts, draws), strict=True):
-        r = experiment.recording
-        seen = experiment.weights() > 0
-        shape = (*motion.shape[:2], next(iter(draws.values())).size)
-        motion = np.broadcast_to(motion, shape)
-        scale = np.broadcast_to(r.scatter[:, :, None] * noise_factor(posterior, r.channels, draws), shape)
-        half = np.broadcast_to(0.5 * r.steps[:, None], shape)
-        again = motion + scale * errors(r.channels, draws, shape, rng)
-        score = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, degrees(r.channels, draws))
-        rows, columns = np.nonzero(seen)
-        channel = tuple(r.channels[c] for c in columns)
-        found.append(Replicated(r.name, r.time[rows], channel, r.output[seen], again[seen], score[seen]))
-    return found
 
 
 def _check_fitted(posterior: Posterior, experiment: Experiment) -> None:

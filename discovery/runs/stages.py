@@ -33,7 +33,7 @@ from discovery.selection.settings import LoopSettings
 
 if TYPE_CHECKING:
     from discovery.posterior.draws import Posterior
-    from discovery.posterior.noise_choice import NoiseChoice
+    from discovery.posterior.model_comparison import NoiseChoice
     from discovery.posterior.study import PosteriorStudy
 
 _ORDER = ("discover", "posterior", "predictive", "elastica", "loop", "evidence")
@@ -80,7 +80,7 @@ def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
             if label != "declared":
                 continue
             models[label] = first_fit(train, units)
-        start = {n: v for n, v in models[label].values.items() if "[" not in n}
+        start = models[label].own_values
         predictions[label] = models[label].predict()
         found[label] = _fit_errors(train, predictions[label])
     return Fits(models, predictions, found)
@@ -100,7 +100,7 @@ def _fit_errors(train, predictions) -> dict[str, Any]:
 
 def weighed(fitted: Fit, *, seed: int = 1, progress: Tell = silent) -> NoiseChoice:
     """Weigh the noise models that apply to the recordings of a fit by their evidence."""
-    from discovery.posterior.noise_choice import choose_noise
+    from discovery.posterior.model_comparison import choose_noise
 
     return choose_noise(fitted, seed=stage_seed(seed, "evidence"), progress=progress)
 

@@ -7,20 +7,17 @@ what is particular to it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from discovery.estimation.problem import Problem
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError, suggestion
 from discovery.posterior.noise.correlated import Correlated
 from discovery.posterior.noise.input_noise import InputNoise
+from discovery.posterior.noise.model import Instrument
 from discovery.posterior.noise.model import Noise as Noise
 from discovery.posterior.noise.model import NoiseParameter as NoiseParameter
 from discovery.posterior.noise.quantised import Quantised
 from discovery.posterior.noise.student_t import StudentT
-
-if TYPE_CHECKING:
-    from discovery.estimation.problem import Problem
-    from discovery.posterior.instrument import Instrument
 
 #: Independent Gaussian errors, whose likelihood needs chi-square alone.
 GAUSSIAN = "gaussian"

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from discovery.declarations.parameters import Normal
+from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.posterior.noise.filters import exponential
-from discovery.posterior.noise.model import LOG_2PI, Logistic, Noise, NoiseParameter, seen_by, share_of
-
-if TYPE_CHECKING:
-    from discovery.estimation.problem import Problem
-    from discovery.posterior.instrument import Instrument
+from discovery.posterior.noise.model import (
+    LOG_2PI,
+    Instrument,
+    Noise,
+    NoiseParameter,
+    seen_by,
+    share_of,
+    share_parameter,
+)
 
 # Parts of the way from the sampling interval to the record, on a logarithmic scale, from which an estimate starts.
 _STARTS = (0.25, 0.5, 0.75)
@@ -48,14 +53,7 @@ class Correlated(Noise):
         times = [time for time, _ in readings.values()]
         shortest = math.log(min(median_step(time) for time in times))
         longest = math.log(max(float(time[-1] - time[0]) for time in times))
-        share = NoiseParameter(
-            name="share",
-            unit="1",
-            meaning="share of the variance that is correlated",
-            prior=Logistic(),
-            starts=(-3.0, 0.0, 3.0, 6.0),
-            value=share_of,
-        )
+        share = share_parameter("share of the variance that is correlated", (-3.0, 0.0, 3.0, 6.0))
         tau = NoiseParameter(
             name="tau_n",
             unit="s",

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.posterior.noise.filters import oscillating
-from discovery.posterior.noise.model import LOG_2PI, Logistic, Noise, NoiseParameter, seen_by, share_of
-
-if TYPE_CHECKING:
-    from discovery.estimation.problem import Problem
-    from discovery.posterior.instrument import Instrument
-    from discovery.recordings.experiment import Experiment
+from discovery.posterior.noise.model import LOG_2PI, Instrument, Noise, seen_by, share_of, share_parameter
+from discovery.recordings.experiment import Experiment
 
 # Smallest angular frequency over the dominant one: a stiffness may be at its bound of zero.
 _SLOWEST = 1e-2
@@ -57,14 +54,7 @@ class InputNoise(Noise):
         for i, slope in slopes.items():
             seen = seen_by(experiments[i])
             readings[i] = experiments[i].recording.time[: len(seen)], seen, slope[: len(seen)] / size
-        share = NoiseParameter(
-            name="share",
-            unit="1",
-            meaning="share of the variance that came in with the input",
-            prior=Logistic(),
-            starts=(-3.0, 0.0, 3.0),
-            value=share_of,
-        )
+        share = share_parameter("share of the variance that came in with the input", (-3.0, 0.0, 3.0))
         dominant = 1.0 / problem.units.time
         longest = max(float(time[-1] - time[0]) for time, *_ in readings.values())
         alpha = _where(problem, "alpha", dominant**2)

@@ -4,19 +4,48 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import gammaln
 
 from discovery.declarations.parameters import Normal
+from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
-from discovery.posterior.noise.model import Noise, NoiseParameter
-from discovery.posterior.noise.tails import scattered
+from discovery.foundation.compiled_function import compiled
+from discovery.posterior.noise.filters import FAST, LANES, TOGETHER, padded
+from discovery.posterior.noise.model import Instrument, Noise, NoiseParameter
 
-if TYPE_CHECKING:
-    from discovery.estimation.problem import Problem
-    from discovery.posterior.instrument import Instrument
+
+@compiled(nogil=True, fastmath=FAST, error_model="numpy")
+def _scattered(residual, factor, total):
+    n, c, k = residual.shape
+    prod = np.empty(LANES)
+    for first in range(0, k, LANES):
+        prod[:] = 1.0
+        held = 0
+        total[first : first + LANES] = 0.0
+        for i in range(n):
+            for channel in range(c):
+                row = residual[i, channel]
+                for j in range(LANES):
+                    prod[j] *= 1.0 + row[first + j] * row[first + j] * factor[first + j]
+                held += 1
+                if held == TOGETHER:
+                    held = 0
+                    for j in range(LANES):
+                        total[first + j] += math.log(prod[j])
+                        prod[j] = 1.0
+        for j in range(LANES):
+            total[first + j] += math.log(prod[j])
+
+
+def scattered(residual: FloatArray, factor: FloatArray) -> FloatArray:
+    """Return the sum of log(1 + factor r^2) over residuals (n, c, k), for factors (k,), shape (k,)."""
+    block, (rows,) = padded(residual, factor)
+    total = np.empty(rows.size)
+    _scattered(block, rows, total)
+    return total[: residual.shape[2]]
 
 
 @dataclass(frozen=True)
