@@ -19,8 +19,14 @@ from scipy.integrate import trapezoid as trapezoid_rule
 from synthetic_run import write_arm_run
 from twin_arm import BASE, EFFECTS, fitted, recorded, rig_file
 
-from discovery.diagnosis.checks import WIDE, Check, _check
-from discovery.diagnosis.contradiction import Contradiction, ContradictionReport, check_contradictions
+from discovery.diagnosis.contradiction import (
+    WIDE,
+    Check,
+    Contradiction,
+    ContradictionReport,
+    _check,
+    check_contradictions,
+)
 from discovery.diagnosis.reconciliation import Reconciliation
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench

@@ -18,9 +18,8 @@ from synthetic_run import write_arm_run
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.symbols import omega
 from discovery.diagnosis.force_dependence import Sites, dependences, depends_on
-from discovery.diagnosis.force_law import MARGIN, sparse_law, spline_law
 from discovery.diagnosis.latent_force import close, reconstruct
-from discovery.diagnosis.missing_force import LEAST_GAIN, MissingForce, missing_force
+from discovery.diagnosis.missing_force import LEAST_GAIN, MARGIN, MissingForce, missing_force, sparse_law, spline_law
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.diagnosis.slow_model import Law
 from discovery.equations.model import Model

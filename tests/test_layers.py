@@ -33,7 +33,7 @@ HOMES = {
         "discovery.sindy.sindy",
         "discovery.sindy.evidence",
         "discovery.sindy.library",
-        "discovery.diagnosis.force_law",
+        "discovery.diagnosis.missing_force",
     },
     "emcee": {
         "discovery.posterior.ensembles",

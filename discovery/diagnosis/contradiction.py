@@ -15,25 +15,163 @@ Analysis 1 (2006) 893). Tested are
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from discovery.diagnosis.checks import Check, against_length, against_rig, against_stiffness
-from discovery.diagnosis.reconciliation import Reconciliation, reconcile
+from discovery.diagnosis.reconciliation import WIDE, Reconciliation, reconcile
 from discovery.equations.lacking import candidates as possible
+from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
+from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit, fit_near
 from discovery.estimation.problem import Problem
+from discovery.estimation.residual import correlation_length
 from discovery.foundation.errors import SimulationFailure
+from discovery.mechanics.elastica import Elastica
 from discovery.screening.refits import Refit
 from discovery.selection.contender import contenders
 from discovery.selection.context import Context
+from discovery.theory.prediction import predict
 
+#: Where a value that was held back by its bound is looked for, in these standard deviations.
+_AWAY = (-20.0, -10.0, -5.0, 5.0, 10.0, 20.0)
+#: What is missing of a model shifts the stiffness that it finds by a smaller factor.
+_GROSS = 1.5
 #: A value on quicker mechanics differs by at most this part of what is to be reconciled.
 _ALIKE = 0.1
+
+
+@dataclass(frozen=True)
+class Check:
+    """One fitted value against its predicted distribution."""
+
+    #: parameter, unit: what is tested, and its unit.
+    parameter: str
+    unit: str
+    #: value, sd: from the recordings alone, whose residual may be correlated.
+    value: float
+    sd: float
+    #: predicted, predicted_sd: mean and standard deviation of the prediction.
+    predicted: float
+    predicted_sd: float
+    z: float  # their difference over the root of the sum of both variances
+    odds: float  # log odds that the prediction is too narrow [nats]
+    source: str  # where the prediction comes from
+
+    @property
+    def gross(self) -> bool:
+        """Whether it is a rod's stiffness so far beside its prediction that the rig file may be wrong.
+
+        A pendulum is no such case: an extended body of the stated length may swing at any pace.
+        """
+        far = not self.predicted / _GROSS < self.value < self.predicted * _GROSS
+        return far and self.parameter == "alpha"
+
+
+def _check(parameter: str, unit: str, value: tuple[float, float], predicted: tuple[float, float], source: str) -> Check:
+    """Return the log odds of a prior that is wider than the prediction."""
+    (found, sd), (mean, spread) = value, predicted
+    narrow, wide = math.hypot(sd, spread), math.hypot(sd, WIDE * spread)
+    z = (found - mean) / narrow
+    odds = 0.5 * z**2 * (1 - (narrow / wide) ** 2) - math.log(wide / narrow)
+    told = {"value": found, "sd": sd, "predicted": mean, "predicted_sd": spread, "z": z, "odds": odds}
+    return Check(parameter, unit, source=source, **told)
+
+
+def against_length(fit: Fit) -> tuple[Check, ...]:
+    """Test how strongly gravity pulls on a simple pendulum, k_g = sqrt(g_c^2 + g_s^2), against g / L of the rig.
+
+    It is negative where gravity pushes away from where the pendulum swings, as on one that a spring holds upright.
+    """
+    first = fit.problem.bench.experiments[0]
+    rig = first.rig
+    names = ("g_c", "g_s")
+    # Beside a spring that holds it at its bound, or another law that takes its part, gravity is not known.
+    if rig.length is None or rig.gravity is None or not {*names} <= {*fit.problem.free} - {*fit.reasons}:
+        return ()
+    at = [fit.problem.names.index(n) for n in names]
+    torque = fit.minimum.x[at]
+    size = float(np.linalg.norm(torque))
+    sd = math.sqrt(float(torque @ fit.covariance[np.ix_(at, at)] @ torque)) / size
+    around = float(np.nanmedian(first.recording.output))
+    if torque @ (math.cos(around), math.sin(around)) < 0.0:
+        size = -size
+    predicted = rig.gravity.value / rig.length.value
+    spread = predicted * math.hypot(rig.gravity.sd / rig.gravity.value, rig.length.sd / rig.length.value)
+    return (_check("k_g", "s^-2", (size, sd), (predicted, spread), "g / L of the rig"),)
+
+
+def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
+    """Test what the rig knows and the fit may move, each with the fit that is free of the rig's opinion."""
+    rig = fit.problem.bench.experiments[0].rig
+    stated: dict[str, tuple[float, float, str]] = {}
+    if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
+        spread = math.hypot(rig.beam_mass.sd / rig.beam_mass.value, rig.tip_mass.sd / rig.tip_mass.value)
+        ratio = rig.beam_mass.value / rig.tip_mass.value
+        stated["mu"] = (ratio, ratio * spread, "the rig's masses")
+    if rig.length is not None:
+        stated["length"] = (rig.length.value, rig.length.sd, "the rig's length")
+    found = []
+    for name, (mean, sd, source) in stated.items():
+        if not sd or name not in fit.problem.gaussian or name not in fit.problem.free:
+            continue
+        freed = _freed(fit, name, (mean, sd))
+        if name in freed.reasons:
+            continue
+        value, spread = freed.values[name], freed.sd[name]
+        if abs(value - mean) > math.hypot(spread, sd):
+            spread = _spread_by_ratio(fit, freed, name, (mean, sd))
+        found.append((_check(name, fit.model.parameters[name].unit, (value, spread), (mean, sd), source), freed))
+    return found
+
+
+def _spread_by_ratio(fit: Fit, freed: Fit, name: str, stated: tuple[float, float]) -> float:
+    """Return the standard deviation that the ratio of likelihoods of two fits gives a value far from the stated one.
+
+    There the likelihood may be flatter than its curvature at the minimum says; nearby the ratio is lost in round-off.
+    """
+    (mean, sd), value, inside = stated, freed.values[name], fit.values[name]
+    gain = 2 * (fit.minimum.cost - freed.minimum.cost) + ((inside - mean) / sd) ** 2
+    gain -= ((inside - fit.problem.gaussian[name][0]) / fit.problem.gaussian[name][1]) ** 2
+    # Samples whose residuals are correlated count for fewer.
+    scale = max(1.0, freed.reduced_chi2) * correlation_length(freed.problem.bench.experiments, freed.predict())
+    return math.sqrt(max(freed.sd[name] ** 2, scale * (value - mean) ** 2 / max(gain, 1e-9) - sd**2))
+
+
+def _freed(fit: Fit, name: str, stated: tuple[float, float]) -> Fit:
+    """Return the fit without what the rig says about one parameter."""
+    old, (mean, sd) = fit.problem, stated
+    problem = Problem(old.model, old.bench, old.units, {**old.gaussian, name: (mean, WIDE * sd)})
+    starts = [fit.minimum.x]
+    if name in fit.reasons or fit.minimum.at_bound[fit.problem.names.index(name)]:
+        # Held back by a bound: the nearest minimum beyond it need not be the lowest, for the rod rings.
+        for away in _AWAY:
+            x = fit.minimum.x.copy()
+            x[old.free.index(name)] = mean + away * sd
+            starts.append(x)
+    minimum = min(
+        fit_problems([problem] * len(starts), starts, iterations=25, tolerance=1e-6, rough=True), key=lambda m: m.cost
+    )
+    covariance, reasons, directions = covariance_of(problem, minimum)
+    return Fit(problem, minimum, covariance, reasons, directions, fit.solver_shift)
+
+
+def against_stiffness(fit: Fit, rng: np.random.Generator) -> list[tuple[Check, Fit]]:
+    """Test alpha of an exact arm against the rig, where it is known and states enough."""
+    rig = fit.problem.bench.experiments[0].rig
+    needed = (rig.length, rig.tip_mass, rig.beam_mass, rig.flexural_rigidity)
+    known = "alpha" in fit.problem.free and "alpha" not in fit.reasons and None not in needed
+    # A simpler base reads another stiffness from the same arm.
+    if not known or not isinstance(fit.model.mechanics, Elastica):
+        return []
+    draws = predict(rig, rng).draws["rod_counted", "dynamic"]["alpha"]
+    predicted = (float(np.mean(draws)), float(np.std(draws)))
+    value = (fit.values["alpha"], fit.sd["alpha"])
+    return [(_check("alpha", "s^-2", value, predicted, "3 EI / (m_eff l^3) of the rig"), fit)]
 
 
 @dataclass(frozen=True)
@@ -93,37 +231,30 @@ def check_contradictions(
 ) -> ContradictionReport:
     """Test a fit against the rig, and look for effects that reconcile what contradicts.
 
-    Parameters
-    ----------
-    fit : Fit
-        The final fit of an arm, or of a pendulum whose length the rig states; of any other system nothing is predicted.
-        Its bench should hold the candidates, or another kernel is compiled.
-    rng : numpy.random.Generator
-        Source of the draws of the rig's quantities.
-    candidates : sequence of str, optional
-        Effects that may reconcile, none to look for none; by default all that could be missing.
-    bench : Bench, optional
-        Quicker mechanics, on which effects are tried where the fit is no worse on them; by default those of the fit.
-    context : Context
-        Recordings and settings of the search.
+    `fit`: the final one of an arm, or of a pendulum whose length the rig states; of any other system nothing is
+    predicted. Its bench should hold the candidates, or another kernel is compiled. `rng`: source of the draws of the
+    rig's quantities. `candidates`: effects that may reconcile, none to look for none; by default all that could be
+    missing. `bench`: quicker mechanics, on which effects are tried where the fit is no worse on them; by default those
+    of the fit.
     """
     experiments = fit.problem.bench.experiments
     arm = experiments[0].system.has_rod
     if candidates is None:
         candidates = possible(fit.model, experiments[0].coordinate_unit)
-    if not arm:
-        checks = against_length(fit)
-        excluded = [c for c in checks if c.odds > context.settings.nats]
-        pulls = [_gravity(fit, c, candidates, context) for c in excluded]
-        return ContradictionReport(checks, tuple(pulls))
-    found = [*against_rig(fit), *against_stiffness(fit, rng)]
+    found = [*against_rig(fit), *against_stiffness(fit, rng)] if arm else [(c, fit) for c in against_length(fit)]
     contradictions = []
     for check, freed in found:
-        if check.odds > context.settings.nats:
-            name, target = check.parameter, (check.predicted, check.predicted_sd)
-            quick = _quicker(freed, bench, name, target[0], context)
-            tried = reconcile(quick, name, target, candidates, context)
-            contradictions.append(Contradiction(check, tried, sought=bool(candidates)))
+        if not check.odds > context.settings.nats:
+            continue
+        name, target = check.parameter, (check.predicted, check.predicted_sd)
+        if arm:
+            freed = _quicker(freed, bench, name, target[0], context)
+        else:
+            # Gravity is to pull as the rig says; its direction in the frame stays as it was found.
+            share = fit.values["g_c"] / check.value
+            name, target = "g_c", (share * check.predicted, abs(share) * check.predicted_sd)
+        tried = reconcile(freed, name, target, candidates, context)
+        contradictions.append(Contradiction(check, tried, sought=bool(candidates)))
     return ContradictionReport(tuple(c for c, _ in found), tuple(contradictions))
 
 
@@ -141,11 +272,3 @@ def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, context: C
     added = context.added(fit.model)
     own, quick = (contenders(context, [(added, Refit("", f.problem, f.minimum))])[0].joint for f in (fit, found))
     return found if quick > own - context.settings.nats else fit
-
-
-def _gravity(fit: Fit, check: Check, candidates: Sequence[str], context: Context) -> Contradiction:
-    """Look for effects with which gravity pulls as the rig says; its direction in the frame stays as it was found."""
-    share = fit.values["g_c"] / check.value
-    target = (share * check.predicted, abs(share) * check.predicted_sd)
-    tried = reconcile(fit, "g_c", target, candidates, context)
-    return Contradiction(check, tried, sought=bool(candidates))

@@ -23,7 +23,6 @@ from discovery.diagnosis.slow_model import Law
 from discovery.estimation.fit import Fit
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
-from discovery.recordings.experiment import Experiment
 
 #: Knots in one period of the motion.
 KNOTS = 12
@@ -69,11 +68,6 @@ class LatentForce:
         }
 
 
-def _matern(lag: FloatArray) -> FloatArray:
-    scaled = np.sqrt(3.0) * np.abs(lag)
-    return (1 + scaled) * np.exp(-scaled)
-
-
 @dataclass(frozen=True)
 class _Prior:
     """Memory of the process with the highest marginal likelihood, and the posterior that follows."""
@@ -90,7 +84,9 @@ class _Prior:
         lag = np.subtract.outer(np.arange(k), np.arange(k)) * spacing
         best: tuple[float, float, float, FloatArray] | None = None
         for memory in _MEMORY:
-            root = np.asarray(np.linalg.cholesky(_matern(lag / (memory * period)) + 1e-9 * np.eye(k)), np.float64)
+            scaled = np.sqrt(3.0) * np.abs(lag / (memory * period))
+            matern = (1 + scaled) * np.exp(-scaled) + 1e-9 * np.eye(k)
+            root = np.asarray(np.linalg.cholesky(matern), np.float64)
             values, axes = np.linalg.eigh(root.T @ gram @ root)
             values, along = np.maximum(values, 0.0), (axes.T @ (root.T @ moment)) ** 2
 
@@ -122,14 +118,6 @@ def _parameters(fit: Fit, index: int) -> FloatArray:
     return (channels[:, :, 1:] - channels[:, :, :1]) / sizes
 
 
-def _shortened(experiment: Experiment, period: float) -> Experiment:
-    """Return the fitted part of a recording, of its first periods."""
-    r = experiment.recording
-    stop = len(r.time[experiment.fitted])
-    stop = min(stop, int(np.searchsorted(r.time, r.time[0] + LONGEST * period)))
-    return experiment.first(stop)
-
-
 def _likeliest(newton: Newton, spacing: float, period: float, name: str) -> tuple[_Prior, FloatArray]:
     """Move to the likeliest force; return its prior, and how the residual answers to it beside the initial state."""
     prior: _Prior | None = None
@@ -153,10 +141,11 @@ def reconstruct(fit: Fit, index: int = 0) -> LatentForce:
     problem = fit.problem
     period = 2 * np.pi * problem.units.time
     whole = problem.bench.experiments[index]
-    experiment = _shortened(whole, period)
-    values = {n: v for n, v in fit.values.items() if "[" not in n}
+    times = whole.recording.time
+    end = int(np.searchsorted(times, times[0] + LONGEST * period))
+    experiment = whole.first(min(len(times[whole.fitted]), end))
     _, starts = problem.expand(fit.minimum.x[:, None])
-    chain = Chain(problem, values, experiment, starts[index, :, 0])
+    chain = Chain(problem, fit.own_values, experiment, starts[index, :, 0])
     span = chain.time[-1] - chain.time[0]
     pieces = max(4, int(np.ceil(KNOTS * span / period)))
     spacing = span / pieces

@@ -45,32 +45,12 @@ class Linearised:
 class Chain:
     """The motion beside a fitted run of one recording, cut at its samples and at the kinks of its input.
 
-    Parameters
-    ----------
-    problem : Problem
-        Model, natural units, and the effects of its kernel.
-    values : mapping of str to float
-        Parameters of the model.
-    experiment : Experiment
-        The recording.
-    start : ndarray, shape (2 + own,)
-        Initial deflection and rate of the fitted run, and what the recording has of its own, see `Bench`.
+    `problem`: model, natural units, and the effects of its kernel. `values`: parameters of the model. `start`
+    (2 + own,): initial deflection and rate of the fitted run, and what the recording has of its own, see `Bench`.
+    Raises SimulationFailure if the fitted run blows up.
 
-    Attributes
-    ----------
-    time : ndarray, shape (m + 1,)
-        Cuts [s].
-    at : ndarray of int, shape (n,)
-        Which cut is seen in each sample.
-    run : ndarray, shape (2, m + 1)
-        The fitted run at the cuts.
-    reading : ndarray, shape (n, c)
-        What the instrument reports of it.
-
-    Raises
-    ------
-    SimulationFailure
-        If the fitted run blows up.
+    It has the cuts `time` (m + 1,) [s], which of them is seen in each sample, `at` (n,), the fitted run at the cuts,
+    `run` (2, m + 1), and what the instrument reports of it, `reading` (n, c).
     """
 
     def __init__(

@@ -15,7 +15,6 @@ import numpy as np
 
 from discovery.declarations.registry import get_effect, simplicity
 from discovery.declarations.units import in_coordinate
-from discovery.diagnosis.checks import WIDE
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -27,6 +26,8 @@ from discovery.screening.refits import Refit, refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
+#: A prior is made so many times as wide.
+WIDE = 30.0
 #: The step towards the stated value, in the parameter's own standard deviations: far above the noise, far below one
 #: slip of phase; the part of its misfit that a candidate must remove, and how many are tried.
 _STEP, _LINEAR, _SHORTLIST = 30.0, 0.5, 8
@@ -50,10 +51,12 @@ class Reconciliation:
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
+        # What contradicts a rig file is an arm or a pendulum: the coordinate is an angle.
+        units = {p.name: in_coordinate(p.unit, "rad") for p in get_effect(self.effect).parameters()}
         return {
             "id": self.effect,
             "parameters": {
-                n: {"value": v, "sd": sd if np.isfinite(sd) else None, "unit": _unit(self.effect, n)}
+                n: {"value": v, "sd": sd if np.isfinite(sd) else None, "unit": units[n]}
                 for n, (v, sd) in self.parameters.items()
             },
             "value": self.value,
@@ -62,11 +65,6 @@ class Reconciliation:
             "odds": self.odds,
             "reconciles": self.reconciles,
         }
-
-
-def _unit(effect: str, name: str) -> str:
-    # What contradicts a rig file is an arm or a pendulum: the coordinate is an angle.
-    return next(in_coordinate(p.unit, "rad") for p in get_effect(effect).parameters() if p.name == name)
 
 
 def reconcile(

@@ -135,23 +135,12 @@ def separate(rivals: Mapping[str, Fit], rng: np.random.Generator, *, evaluations
 
     The input is allowed what the rig file states and the recordings show, see `allowed_limits`.
 
-    Parameters
-    ----------
-    rivals : mapping of str to Fit
-        Fits of the rivals to the same recordings, by catalogue id; two or more. They may be on different bases.
-    rng : numpy.random.Generator
-        Source of the manoeuvres that are tried at random: the same state gives the same design.
-    evaluations : int
-        Manoeuvres to try: the first ones at random, the others from the best of those, by the simplex of Nelder and
-        Mead (Computer Journal 7 (1965) 308) or, where its corners would take most of them, by random steps. So many
-        within what the recordings show to be safe, and as many more where the limits are others.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two rivals, on different recordings, or some of which have an input and others not.
-    ComputationError
-        If a model has no rest position where the hub starts.
+    `rivals`: two or more fits to the same recordings, by catalogue id. They may be on different bases. `rng`: source of
+    the manoeuvres that are tried at random. `evaluations`: manoeuvres to try: the first ones at random, the others from
+    the best of those, by the simplex of Nelder and Mead (Computer Journal 7 (1965) 308) or, where its corners would
+    take most of them, by random steps. So many within what the recordings show to be safe, and as many more where the
+    limits are others. Raises InputError for fewer than two rivals, on different recordings, or some of which have an
+    input and others not; ComputationError if a model has no rest position where the hub starts.
     """
     names, fits = _in_order(rivals)
     experiments = fits[0].problem.bench.experiments
@@ -170,21 +159,25 @@ def separate(rivals: Mapping[str, Fit], rng: np.random.Generator, *, evaluations
         search.improve(evaluations, laws, source)
     best = max(searches, key=lambda s: s.merit)
     pairs, deflection = trial.compare(best.moves)
+    time = trial.gap * np.arange(trial.count)
     return Separation(
-        rivals=names,
-        clusters=laws.groups(names),
-        similarities=similarity_matrix(fits),
+        **_rivals(names, fits, laws),
         limits=limits,
         moves=best.moves,
         columns=("time_s", _input_column(experiments[0])),
-        table=_course(trial, best.moves),
+        table=np.column_stack([time, hub_drive(best.moves, trial.angle).evaluate(time)[0]]),
         given=given,
         designed=pairs.nearest(laws) if deflection <= limits.deflection else Distance(0.0, 0.0, 0.0),
         deflection=deflection,
         evaluations=sum(s.count for s in searches),
-        unit=experiments[0].coordinate_unit,
-        deflection_unit=experiments[0].deflection_unit,
     )
+
+
+def _rivals(names: tuple[str, ...], fits: Sequence[Fit], laws: Laws) -> dict[str, Any]:
+    """Return what a separation says of its rivals whatever moves the system."""
+    first = fits[0].problem.bench.experiments[0]
+    units = {"unit": first.coordinate_unit, "deflection_unit": first.deflection_unit}
+    return {"rivals": names, "clusters": laws.groups(names), "similarities": similarity_matrix(fits), **units}
 
 
 def _laws(fits: Sequence[Fit], tried: Sequence[Pairs]) -> tuple[Laws, Distance]:
@@ -213,12 +206,6 @@ def _short(limits: MotorLimits, fit: Fit) -> MotorLimits:
     return replace(limits, duration=min(limits.duration, _SWINGS * 2 * np.pi * fit.problem.units.time))
 
 
-def _course(trial: Trial, moves: tuple[Move, ...]) -> FloatArray:
-    """Return the course of the input at the rate of the given recordings: time [s] and value, shape (n, 2)."""
-    time = trial.gap * np.arange(trial.count)
-    return np.column_stack([time, hub_drive(moves, trial.angle).evaluate(time)[0]])
-
-
 def _input_column(experiment: Experiment) -> str:
     """Return the name of the input with its SI unit, as recordings of an arm name their motor's angle."""
     told = experiment.rig.columns.input
@@ -242,9 +229,7 @@ def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
     (pairs, deflection), release = max(known or compared, key=lambda found: found[0][0].nearest(laws).chi2)
     predicted = trial.readings((), release) if np.isfinite(deflection) else np.empty((0, len(names)))
     return Separation(
-        rivals=names,
-        clusters=laws.groups(names),
-        similarities=similarity_matrix(fits),
+        **_rivals(names, fits, laws),
         limits=limits,
         moves=(),
         columns=("time_s", *(f"{name}_{experiments[0].recording.units[0]}" for name in names)),
@@ -254,6 +239,4 @@ def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
         deflection=deflection,
         evaluations=len(places),
         release=release,
-        unit=experiments[0].coordinate_unit,
-        deflection_unit=experiments[0].deflection_unit,
     )
