@@ -93,9 +93,7 @@ def _refuse_no_output(table: Table, rig: Rig, names: Mapping[str, str]) -> NoRet
     else:
         wanted = rig.columns.output.name
         remedy = f"{declarer(rig)} declares {wanted!r}; write its name in [columns] as the file has it"
-    raise InputError(
-        f"{table.path} has no output column: {remedy}.{suggest(table, wanted, names.values())} {listed(table)}"
-    )
+    raise InputError(f"{table.path} has no output column: {remedy}.{_instead(table, wanted, names.values())}")
 
 
 def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
@@ -148,7 +146,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
             wanted = f"{stem}_{ARM_STEMS[stem]}"
             raise InputError(
                 f"{table.path} has no column {wanted!r}. Give that column this name, in its own unit."
-                f"{suggest(table, wanted, names.values())} {listed(table)}"
+                f"{_instead(table, wanted, names.values())}"
             )
     channels = next((channels for channels in ARM_OUTPUTS if all(channel in names for channel in channels)), ())
     for first, second in (("tip_x", "tip_y"), ("tip_y", "tip_x")):
@@ -156,7 +154,7 @@ def arm_columns(table: Table) -> tuple[tuple[str, ...], dict[str, str], dict[str
             wanted = f"{second}_m"
             raise InputError(
                 f"{table.path} has {names[first]!r} but no column {wanted!r}: the tip needs both."
-                f"{suggest(table, wanted, names.values())} {listed(table)}"
+                f"{_instead(table, wanted, names.values())}"
             )
     used = ("time", "motor_angle", *channels)
     return channels, {stem: names[stem] for stem in used}, units
@@ -176,7 +174,7 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
             others = [columns.output.name, *(str(other) for _, other, _ in wanted)]
             raise InputError(
                 f"{table.path} has no column {name!r}, which {declarer(rig)} declares. Write its name in [columns] as "
-                f"the file has it.{suggest(table, str(name), others)} {listed(table)}"
+                f"the file has it.{_instead(table, str(name), others)}"
             )
     controller = rig.controller
     if controller is not None and controller.added is not None and controller.added in table.columns:
@@ -238,16 +236,12 @@ def picked_rows(
     return rows[slice(*samples)]
 
 
-def suggest(table: Table, wanted: str, used: Iterable[str] = ()) -> str:
-    """Suggest a column for one that is missing, but none that is used as another signal."""
-    return suggestion(wanted, [name for name in table.columns if name not in set(used)])
+def _instead(table: Table, wanted: str, used: Iterable[str]) -> str:
+    """Suggest a column for one that is missing, but none that is used as another signal, and list those of the file."""
+    listed = ", ".join(str(name) for name in table.columns)[:300]
+    return f"{suggestion(wanted, [name for name in table.columns if name not in set(used)])} Columns found: {listed}."
 
 
 def declarer(rig: Rig) -> str:
     """Name the rig file, by its path where there is one."""
     return "the rig file" if rig.path is None else f"the rig file {rig.path}"
-
-
-def listed(table: Table) -> str:
-    """Return the columns of a file as a sentence."""
-    return f"Columns found: {', '.join(str(name) for name in table.columns)[:300]}."
