@@ -82,26 +82,27 @@ class _Prior:
         k = columns.shape[1]
         gram, moment = columns.T @ columns, columns.T @ residual
         lag = np.subtract.outer(np.arange(k), np.arange(k)) * spacing
-        best: tuple[float, float, float, FloatArray] | None = None
-        for memory in _MEMORY:
+
+        def likeliest(memory: float) -> tuple[float, float, float, FloatArray]:
+            """Return the gain of the best size for a memory, that size, the memory [s], and a covariance's root."""
             scaled = np.sqrt(3.0) * np.abs(lag / (memory * period))
             matern = (1 + scaled) * np.exp(-scaled) + 1e-9 * np.eye(k)
             root = np.asarray(np.linalg.cholesky(matern), np.float64)
             values, axes = np.linalg.eigh(root.T @ gram @ root)
             values, along = np.maximum(values, 0.0), (axes.T @ (root.T @ moment)) ** 2
 
-            def gain(log_size: float, values=values, along=along) -> float:
+            def gain(log_size: float) -> float:
                 shrunk = np.exp(2 * log_size)
                 return float(np.sum(shrunk * along / (1 + shrunk * values) - np.log1p(shrunk * values)))
 
             centre = -0.5 * np.log(values[-1] + 1e-300)
-            found = minimize_scalar(lambda x, g=gain: -g(x), bounds=(centre - 3, centre + 12), method="bounded")
-            if best is None or -found.fun > best[0]:
-                best = -float(found.fun), float(np.exp(found.x)), memory * period, root
-        assert best is not None
-        root = best[1] * best[3]
+            found = minimize_scalar(lambda x: -gain(x), bounds=(centre - 3, centre + 12), method="bounded")
+            return -float(found.fun), float(np.exp(found.x)), memory * period, root
+
+        best, size, memory, root = max(map(likeliest, _MEMORY), key=lambda each: each[0])
+        root = size * root
         inner = np.linalg.inv(np.eye(k) + root.T @ gram @ root)
-        return cls(best[2], best[0], root @ inner @ root.T)
+        return cls(memory, best, root @ inner @ root.T)
 
 
 def _parameters(fit: Fit, index: int) -> FloatArray:

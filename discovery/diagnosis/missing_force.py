@@ -140,24 +140,19 @@ class Judge:
     def __init__(self, fit: Fit, holdout: Sequence[Experiment]) -> None:
         bench, self.values = fit.problem.bench, fit.own_values
         self.experiments = tuple(holdout) or bench.experiments
+        self.problem, x = fit.problem, fit.minimum.x
         if holdout:
             model = replace(fit.model, known={**fit.model.known, **self.values})
-            other = bench.of_others(holdout)
-            problem = Problem(model, other, fit.problem.units, {}, reference="")
-            parameters, starts = problem.expand(fitted_states([problem])[0][:, None])
-            predictions, self.problem = other.predict(parameters, starts), problem
-        else:
-            self.problem = fit.problem
-            parameters, starts = fit.problem.expand(fit.minimum.x[:, None])
-            predictions = bench.predict(parameters, starts)
-        self.starts = starts[:, :, 0]
+            self.problem = Problem(model, bench.of_others(holdout), fit.problem.units, {}, reference="")
+            x = fitted_states([self.problem])[0]
+        self.starts = self.problem.expand(x[:, None])[1][:, :, 0]
         self.outputs = []
         for e in self.experiments:
             out = e.recording.output.copy()
             if not holdout:
                 out[e.fitted] = np.nan
             self.outputs.append(out)
-        self.before = self._error([p[:, :, 0] for p in predictions])
+        self.before = self._error(self.problem.predict(x))
 
     def _error(self, predictions: Sequence[FloatArray]) -> float:
         return errors(np.concatenate(predictions), np.concatenate(self.outputs))["rms"]
