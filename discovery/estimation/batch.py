@@ -9,6 +9,7 @@ import numpy as np
 from discovery.estimation.least_squares import Minimum, Request, levenberg_marquardt, minimise
 from discovery.estimation.problem import Problem, side_by_side
 from discovery.foundation.arrays import FloatArray
+from discovery.mechanics import get_base
 
 #: Residuals that are whitened at once.
 _TOGETHER = 4e6
@@ -59,8 +60,9 @@ def together(problems: Sequence[Problem], requests: Sequence[Request]) -> list[M
     found: dict[int, Minimum] = {}
     for bench in dict.fromkeys(p.bench for p in problems):
         own = [i for i, p in enumerate(problems) if p.bench is bench]
-        # Two blocks take the time of one, be it of two recordings: on two cores, but counted so on any number.
-        at_once = bench.simulators[0].kernel.lanes * max(1, 2 // len(bench.experiments))
+        # So many blocks take the time of one, be they of two recordings: on two cores, but counted so on any number.
+        base = get_base(bench.base)
+        at_once = base.lanes * (base.blocks // min(2, len(bench.experiments)))
         minima = minimise([requests[i] for i in own], _answer_on([problems[i] for i in own]), at_once)
         found.update(zip(own, minima, strict=True))
     return [found[i] for i in range(len(problems))]

@@ -148,7 +148,9 @@ class Base(ABC):
     #: Bases of the same parameters that this one approximates; an answer stands on the first that is as likely.
     approximates: ClassVar[tuple[str, ...]] = ()
     #: Parameter sets simulated side by side in one block of the kernel.
-    lanes: ClassVar[int] = 32
+    lanes: ClassVar[int] = 16
+    #: Blocks that take the time of one beside what a call costs, on two cores: fewer where a step is dear.
+    blocks: ClassVar[int] = 4
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

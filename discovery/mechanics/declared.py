@@ -29,7 +29,7 @@ class DeclaredBase(Base):
     system = OSCILLATOR
     declaration: ClassVar[SystemDeclaration]
     equations: ClassVar[Equations]
-    lanes = 16
+    blocks = 2
 
     @classmethod
     def parameters(cls):

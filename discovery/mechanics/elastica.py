@@ -63,7 +63,7 @@ class Elastica(ArmBase):
     nodes = 6
     #: Whether one of the nodes is at the root: one that does not turn costs nothing.
     rooted: ClassVar[bool] = False
-    lanes = 8
+    lanes, blocks = 8, 2
     #: Inertia that the fastest mode has more than the straight rod's, over that.
     heavier: ClassVar[float] = 0.0
     #: Against a converged beam, over arms and manoeuvres of the blind benchmark's kind without any effect.
