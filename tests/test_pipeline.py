@@ -4,7 +4,9 @@ import hashlib
 import json
 import shutil
 import time
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
+from discovery.estimation.importance import importance_sample
 from discovery.estimation.predict import predict
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Progress, Tell
@@ -38,6 +41,21 @@ FILES = {"amplitude.nc", "laws.nc", "loop.json", "posterior.nc", "predictive.nc"
 
 def silent(message: str) -> None:
     """Hear progress and say nothing."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_draws() -> Iterator[None]:
+    """Weigh models by fewer draws than a user gets: an evidence is written and read here, its number proved elsewhere.
+
+    Both runs of a comparison have as many.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        few = partial(importance_sample, pilot=256)
+        patch.setattr(
+            "discovery.posterior.marginal_likelihood.importance_sample",
+            lambda target, dimension, rng, draws, **more: few(target, dimension, rng, min(draws, 500), **more),
+        )
+        yield
 
 
 @pytest.fixture(scope="module")
