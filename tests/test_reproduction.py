@@ -7,7 +7,7 @@ import shutil
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -172,6 +172,7 @@ def test_no_static_law_beats_the_papers_by_much(recorded: Stand) -> None:
     assert static_radius(lawful)["best_static"]["peak"] < 1e-9
 
 
+@pytest.mark.slow
 def test_freed_inertial_terms_fit_better_and_mean_less(recorded: Stand, inside: Stand) -> None:
     """Finding h: one alone misleads; all free win where they are fitted and lose on another manoeuvre."""
     rows = {r["model"]: r for r in freed({"trained": recorded, "inside": inside})}
@@ -390,6 +391,7 @@ def test_a_fit_names_what_the_record_leaves_open(brief: Stand) -> None:
 # --- other arms
 
 
+@cache
 def similar(length: float, rigidity: float, mass: float) -> tuple[Stand, float]:
     """An arm whose every quantity but the normalised ones differs, on the manoeuvre in normalised time."""
     arm = scaled_rig(
