@@ -407,7 +407,9 @@ def evaluator(base: str):
     return model, found, evaluate
 
 
-@pytest.mark.parametrize("base", QUICK_FIRST)
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
+)
 def test_the_sympy_program_is_the_kernels(base: str) -> None:
     model, found, evaluate = evaluator(base)
     program = build_program(model.base, model.effects)
@@ -423,7 +425,7 @@ def test_the_sympy_program_is_the_kernels(base: str) -> None:
     assert found.lateness == program.lateness
 
 
-@pytest.mark.parametrize("base", CLOSED)
+@pytest.mark.parametrize("base", [pytest.param(b, marks=pytest.mark.slow) if b == "reduced" else b for b in CLOSED])
 @settings(max_examples=5, deadline=None)
 @given(numbers=st.lists(st.floats(-0.6, 0.6), min_size=7, max_size=7))
 def test_the_equation_of_motion_holds_for_the_kernels_acceleration(base: str, numbers: list[float]) -> None:
@@ -499,7 +501,9 @@ def test_the_reduced_equation_expands_to_the_papers_third_order() -> None:
     assert sp.expand(third - (expected - delta**2 * motor / 25)) == 0
 
 
-@pytest.mark.parametrize("base", QUICK_FIRST)
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
+)
 def test_the_sympy_file_rebuilds_the_expressions(base: str) -> None:
     model, found, _ = evaluator(base)
     values = some_values(model)
@@ -546,7 +550,9 @@ def mathematics(text: str) -> list[str]:
     return [*rows, *re.findall(r"(?<!\\)\$(.+?)(?<!\\)\$", text)]
 
 
-@pytest.mark.parametrize("base", [pytest.param(b, marks=pytest.mark.slow) if b == "reduced" else b for b in BASES])
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
+)
 def test_the_latex_is_balanced_and_renders(base: str) -> None:
     model = Model(base, every_effect(base))
     text = to_latex(model, some_values(model))

@@ -64,7 +64,7 @@ def test_the_description_is_valid(base: str, tmp_path: Path) -> None:
     assert validate_fmu(str(written(FittedModel(model, values), tmp_path))) == []
 
 
-@pytest.mark.parametrize("tau", [0.0, 0.0127])
+@pytest.mark.parametrize("tau", [pytest.param(0.0, marks=pytest.mark.slow), 0.0127])
 def test_a_held_out_recording_is_followed(tau: float, tmp_path: Path) -> None:
     """25 s in steps of a millisecond, shorter at kinks: within 1e-6 of the kernel, relative to the largest reading.
 
