@@ -2,8 +2,9 @@
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -46,6 +47,19 @@ def undrawn(sketched: None, monkeypatch: pytest.MonkeyPatch) -> None:
     from discovery.report.figures import SECTIONS
 
     monkeypatch.setattr("discovery.report.figures.SECTIONS", dict.fromkeys(SECTIONS, ()))
+
+
+@pytest.fixture(scope="module")
+def few_draws() -> Iterator[None]:
+    """Weigh models by few draws, for tests of which an evidence is written and read: its number is proved elsewhere."""
+    from discovery.estimation.importance import importance_sample
+
+    def few(target: Any, dimension: int, rng: Any, draws: int, **more: Any) -> Any:
+        return importance_sample(target, dimension, rng, min(draws, 500), pilot=256, **more)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("discovery.posterior.marginal_likelihood.importance_sample", few)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ from discovery.report.index import build_index
 from discovery.report.sentences import verdict_sentence
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("sketched")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 #: A loss and a spring with the wrong sign: it runs away, and its guesses are stiff.
 RIG = """

@@ -40,9 +40,14 @@ def _sources() -> dict[str, list[str]]:
     return {p.relative_to(ROOT).as_posix(): p.read_text(encoding="utf-8").splitlines() for p in files}
 
 
+@cache
+def _trees() -> dict[str, ast.Module]:
+    return {name: ast.parse("\n".join(lines)) for name, lines in _sources().items()}
+
+
 def _nodes() -> Iterator[tuple[str, ast.AST]]:
-    for name, lines in _sources().items():
-        for node in ast.walk(ast.parse("\n".join(lines))):
+    for name, tree in _trees().items():
+        for node in ast.walk(tree):
             yield name, node
 
 

@@ -4,9 +4,7 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,6 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from discovery.estimation.importance import importance_sample
 from discovery.estimation.predict import predict
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Progress, Tell
@@ -31,7 +28,7 @@ from discovery.runs.pipeline import add_posterior, answer, run
 from discovery.runs.processes import TimeIsUp
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("sketched")
+pytestmark = pytest.mark.usefixtures("few_draws", "sketched")
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
@@ -41,21 +38,6 @@ FILES = {"amplitude.nc", "laws.nc", "loop.json", "posterior.nc", "predictive.nc"
 
 def silent(message: str) -> None:
     """Hear progress and say nothing."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _few_draws() -> Iterator[None]:
-    """Weigh models by fewer draws than a user gets: an evidence is written and read here, its number proved elsewhere.
-
-    Both runs of a comparison have as many.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        few = partial(importance_sample, pilot=256)
-        patch.setattr(
-            "discovery.posterior.marginal_likelihood.importance_sample",
-            lambda target, dimension, rng, draws, **more: few(target, dimension, rng, min(draws, 500), **more),
-        )
-        yield
 
 
 @pytest.fixture(scope="module")

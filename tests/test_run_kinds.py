@@ -24,7 +24,7 @@ from discovery.runs import regression_stage, stages
 from discovery.runs.pipeline import run
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("sketched")
+pytestmark = pytest.mark.usefixtures("few_draws", "sketched")
 
 MASS, DAMPING, NOISE = 3.0, 0.8, 1.0
 
