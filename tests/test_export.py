@@ -58,6 +58,8 @@ LINES = ("accelerometer", "base_excited", "moving_pivot", "servo", "inverse_dyna
 BASES = ("constant_radius", "reduced", "oscillator", "elastica", *LINES)
 #: The same; the text of three coordinates with every effect takes long.
 QUICK_FIRST = [pytest.param(base, marks=pytest.mark.slow) if base == "elastica" else base for base in BASES]
+#: An arm, a driven body, a reading of the acceleration, and a motion that is given.
+FOUR = ("constant_radius", "oscillator", "accelerometer", "inverse_dynamics")
 CLOSED = ("constant_radius", "reduced", "oscillator", *LINES)
 TIME = np.linspace(0.0, 0.48, 121)
 STEP = 0.002
@@ -238,7 +240,9 @@ def test_parameter_sets_run_side_by_side() -> None:
         np.testing.assert_allclose(together[..., k], alone, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("base", [pytest.param("reduced", marks=pytest.mark.slow), "oscillator", "inverse_dynamics"])
+@pytest.mark.parametrize(
+    "base", ["oscillator", *(pytest.param(b, marks=pytest.mark.slow) for b in ("reduced", "inverse_dynamics"))]
+)
 def test_what_numba_compiles_is_what_numpy_does_alone(base: str) -> None:
     """With all effects, and several parameter sets."""
     model, values, alone = everything(base)
@@ -550,9 +554,7 @@ def mathematics(text: str) -> list[str]:
     return [*rows, *re.findall(r"(?<!\\)\$(.+?)(?<!\\)\$", text)]
 
 
-@pytest.mark.parametrize(
-    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
-)
+@pytest.mark.parametrize("base", [b if b in FOUR else pytest.param(b, marks=pytest.mark.slow) for b in BASES])
 def test_the_latex_is_balanced_and_renders(base: str) -> None:
     model = Model(base, every_effect(base))
     text = to_latex(model, some_values(model))

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from test_export import BASES, DRIVE, STEP, TIME, everything, module, some_values, with_stiffness
+from test_export import BASES, DRIVE, FOUR, STEP, TIME, everything, module, some_values, with_stiffness
 from test_export_c import held_out
 
 from discovery.export import FittedModel, to_fmu, to_numpy
@@ -54,9 +54,7 @@ def driven(
     return np.transpose(found)
 
 
-@pytest.mark.parametrize(
-    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
-)
+@pytest.mark.parametrize("base", [b if b in FOUR else pytest.param(b, marks=pytest.mark.slow) for b in BASES])
 def test_the_description_is_valid(base: str, tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 
