@@ -55,7 +55,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("command", ["loop", "run"])
+@pytest.mark.parametrize("command", ["loop", pytest.param("run", marks=pytest.mark.slow)])
 def test_a_declaration_that_runs_away_is_answered(
     command: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -210,7 +210,9 @@ def test_the_static_elastica_follows_the_perpendicular_law(deflection: float, to
 
 
 @pytest.mark.parametrize("base", [*ELASTICA, CALM])
-@pytest.mark.parametrize("deflection", [-0.8, -0.2, 0.0, 0.4, 0.9])
+@pytest.mark.parametrize(
+    "deflection", [-0.8, 0.0, 0.4, *(pytest.param(d, marks=pytest.mark.slow) for d in (-0.2, 0.9))]
+)
 def test_a_motion_starts_on_the_static_shape(base: str, deflection: float) -> None:
     q, rate = get_base(base).initial_coordinates(np.array([deflection]), np.array([0.7]), np.zeros(2))
     show = numpy_derivative(mechanics_program(base, s.theta, s.rho, s.omega))

@@ -250,8 +250,8 @@ def test_small_motions_have_the_frequency_of_the_beam(mu: float) -> None:
         assert found == pytest.approx(beam_frequency(mu, compliance=0.1), rel=5 * accuracy), base
 
 
-@pytest.mark.parametrize("mu", [0.05, 0.15, 0.35])
-@pytest.mark.parametrize("inertia", [1e-3, 5e-3, 0.04])
+@pytest.mark.parametrize("mu", [0.05, pytest.param(0.15, marks=pytest.mark.slow), 0.35])
+@pytest.mark.parametrize("inertia", [1e-3, pytest.param(5e-3, marks=pytest.mark.slow), 0.04])
 def test_a_disc_that_turns_with_the_rod_rings_as_on_a_beam(mu: float, inertia: float) -> None:
     found, rigid = (frequencies("elastica", "tip_rotary_inertia", J, mu) for J in (inertia, 1e-9))
     assert found[1] == pytest.approx(beam_frequency(mu, inertia=inertia, number=1), rel=2e-3)
