@@ -403,7 +403,7 @@ def test_the_components_of_the_bending_make_its_energy(base: str) -> None:
     [
         "constant_radius",
         "reduced",
-        *(pytest.param(b, marks=pytest.mark.slow) if b == "elastica_4" else b for b in ELASTICA),
+        *(pytest.param(b, marks=pytest.mark.slow) if b in ("elastica", "elastica_4") else b for b in ELASTICA),
     ],
 )
 @pytest.mark.parametrize("lossy", [False, True])

@@ -235,6 +235,7 @@ def test_instruments_have_the_papers_noise(recorded: Stand) -> None:
     assert errors["noise_free"] == {"mean": 0.0, "peak": 0.0}
 
 
+@pytest.mark.slow
 def test_a_stand_is_the_same_twice_and_other_with_another_seed() -> None:
     one, two, other = (
         stand(PAPER_RIG, manoeuvre(), name="short", seed=seed, duration=6.0) for seed in ([7, 1], [7, 1], [7, 2])

@@ -32,9 +32,8 @@ def trapezoid(rate, ramp=0.12, start=0.5):
     duration = 1.0 / rate / (1.0 - ramp)
     a = rate / (ramp * duration)
     corners = start + duration * np.array([0.0, ramp, 1.0 - ramp, 1.0])
-    return lambda t: (
-        a / 2.0 * sum(s * np.maximum(np.asarray(t) - c, 0.0) ** 2 for s, c in zip((1, -1, -1, 1), corners, strict=True))
-    )
+    bends = [(sign * a / 2.0, float(c)) for sign, c in zip((1, -1, -1, 1), corners, strict=True)]
+    return lambda t: sum(bend * (t > c) * (t - c) ** 2 for bend, c in bends)
 
 
 def simulate(rate, force=lambda delta, v: XI * v + ALPHA * delta + BETA * delta**3):
