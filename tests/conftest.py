@@ -20,10 +20,10 @@ settings.load_profile("repeatable")
 #: two that begin together, each compiles other simulators; what comes after them finds these, and the browser the
 #: pages that the report has drawn.
 LONGEST = (
-    *("loop", "effects", "pipeline", "export", "cli", "report", "search", "separation", "simulate", "rod_effects"),
-    *("browser", "sindy", "reproduction", "corpus", "twin", "coupling", "contradiction", "blind", "general_model"),
-    *("mechanics", "export_c", "ensembles", "rough", "run_kinds", "docs", "security", "examples", "memory_effects"),
-    *("faults", "resolved", "posterior", "latent_force", "first_fit", "declared_systems", "failed_fit"),
+    *("effects", "report", "export", "cli", "pipeline", "search", "loop", "browser", "reproduction", "sindy"),
+    *("posterior", "mechanics", "twin", "separation", "drafting", "examples", "latent_force", "contradiction"),
+    *("blind", "input_choice", "campaign", "ensembles", "rough", "unequal_steps", "docs", "coupling", "rod_effects"),
+    *("measured_rigs", "first_fit", "derivation", "faults", "general_model", "failed_fit", "predict"),
 )
 LONG = [f"test_{name}.py" for name in LONGEST]
 

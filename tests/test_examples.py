@@ -18,7 +18,8 @@ from discovery.foundation.errors import DiscoveryError
 ROOT = Path(__file__).parents[1]
 PARSER = doctest.DocTestParser()
 #: The same work is done once for all examples.
-WHOLE_RUNS = ("run", "build_report")
+#: The loop on the same recordings has its answer in `test_search_part`, too.
+WHOLE_RUNS = ("run", "build_report", "close_loop", "LoopResult")
 DEAR = ("close_loop", "fit_model", "load_dataset", "run", "sample")
 
 

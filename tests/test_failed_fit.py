@@ -101,7 +101,7 @@ def test_a_prediction_without_a_model_is_status_3(folder: Path, capsys: pytest.C
 def test_a_motor_with_a_torque_step_is_led_to_its_fit(tmp_path: Path) -> None:
     """The declared damping of a drive is a guess: from there its angle goes a hundred times too far."""
     gain, loss = 1000.0, 20.0
-    time = np.arange(1200) / 200
+    time = np.arange(600) / 100
     torque = np.where(time > 1, 0.05, 0.0)
     on = np.maximum(time - 1, 0)
     angle = gain * 0.05 / loss * (on - (1 - np.exp(-loss * on)) / loss)
