@@ -28,7 +28,7 @@ from discovery.runs.pipeline import add_posterior, answer, run
 from discovery.runs.processes import TimeIsUp
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("few_draws", "sketched")
+pytestmark = pytest.mark.usefixtures("few_draws", "undrawn")
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
