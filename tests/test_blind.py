@@ -348,6 +348,7 @@ def _arm(seed, index):
     return {"case": index, "rod_over_tip": 0.1, "deflection": 0.5, "deflection_holdout": 0.6, "rms_m": 1e-4 * seed}
 
 
+@pytest.mark.slow
 def test_the_bare_exact_arm_is_fitted_to_whole_recordings():
     folder = Path(__file__).parents[1] / "datasets" / "arm"
     data = load_dataset(folder / "rig.toml", [sorted(folder.glob("train*.csv"))[0]])

@@ -90,6 +90,11 @@ def _open(browser: Any, page: Path, width: int) -> None:
     assert browser.execute_script("return window.innerWidth") == width
 
 
+#: What does not depend on the width is tried on a wide window, and among the longer studies on a narrow one.
+WIDE = pytest.mark.parametrize("opened", [1280, pytest.param(390, marks=pytest.mark.slow)], indirect=True)
+
+
+@WIDE
 def test_no_console_message_and_no_request(opened: Any, page: Path) -> None:
     assert opened.get_log("browser") == []
     events = [json.loads(entry["message"])["message"] for entry in opened.get_log("performance")]
@@ -99,6 +104,7 @@ def test_no_console_message_and_no_request(opened: Any, page: Path) -> None:
     assert [u[:100] for u in asked if not u.startswith("data:") and u != page.as_uri()] == []
 
 
+@WIDE
 def test_every_image_is_decoded(opened: Any, page: Path) -> None:
     # On the screen, the live chart takes the place of the first figure; every other one is in sight once folds open.
     opened.execute_script("document.querySelectorAll('details').forEach(d => { d.open = true; })")
@@ -233,6 +239,7 @@ def test_no_serious_finding_of_the_accessibility_checker(opened: Any) -> None:
         assert [v for v in found if v[0] in ("serious", "critical")] == [], features
 
 
+@WIDE
 def test_the_chart_zooms_moves_and_shows_all(opened: Any) -> None:
     _needs(opened, "#chart")
 
@@ -259,6 +266,7 @@ def test_the_chart_zooms_moves_and_shows_all(opened: Any) -> None:
     assert shown()[1] - shown()[0] == pytest.approx((whole[1] - whole[0]) / 2)
 
 
+@WIDE
 def test_dragging_over_the_chart_zooms_and_the_pointer_reads(opened: Any) -> None:
     _needs(opened, "#chart")
     chains = pytest.importorskip("selenium.webdriver.common.action_chains")
@@ -273,6 +281,7 @@ def test_dragging_over_the_chart_zooms_and_the_pointer_reads(opened: Any) -> Non
     assert opened.find_element("css selector", "[data-part=readout]").text.startswith("t = ")
 
 
+@WIDE
 def test_a_curve_is_switched_off_and_on(opened: Any) -> None:
     _needs(opened, "#chart")
     button = opened.find_element("css selector", '[data-series="before"]')
@@ -288,6 +297,7 @@ def test_a_curve_is_switched_off_and_on(opened: Any) -> None:
     assert button.get_attribute("aria-pressed") == "true"
 
 
+@WIDE
 def test_folds_open_and_a_link_into_one_opens_it(opened: Any) -> None:
     _needs(opened, "details summary")
     fold = opened.find_element("css selector", "details summary")
@@ -296,6 +306,7 @@ def test_folds_open_and_a_link_into_one_opens_it(opened: Any) -> None:
     assert opened.execute_script("return arguments[0].parentElement.open", fold)
 
 
+@WIDE
 def test_the_dark_page_is_dark_and_its_figures_too(opened: Any) -> None:
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": DARK})
     colour = opened.execute_script("return getComputedStyle(document.body).backgroundColor")
@@ -304,6 +315,7 @@ def test_the_dark_page_is_dark_and_its_figures_too(opened: Any) -> None:
     assert "invert" in opened.execute_script("return getComputedStyle(document.querySelector('figure img')).filter")
 
 
+@WIDE
 def test_paper_shows_the_pictures_and_what_is_folded(opened: Any) -> None:
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": DARK})
     colour = opened.execute_script("return getComputedStyle(document.body).backgroundColor")
@@ -317,6 +329,7 @@ def test_paper_shows_the_pictures_and_what_is_folded(opened: Any) -> None:
     assert not opened.execute_script("return [...document.querySelectorAll('details')].some(d => d.open)")
 
 
+@WIDE
 def test_without_scripts_the_pictures_are_there(opened: Any, page: Path) -> None:
     opened.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
     try:
@@ -343,6 +356,7 @@ def test_the_verdict_and_the_error_after_are_in_sight(opened: Any) -> None:
         assert 0 <= opened.execute_script(seen, [".contents a"])[0] < 900
 
 
+@WIDE
 def test_an_equation_is_copied_as_latex(opened: Any) -> None:
     _needs(opened, "[data-tex]")
     buttons = opened.find_elements("css selector", "button.copy")

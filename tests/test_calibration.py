@@ -155,6 +155,7 @@ def test_truths_from_the_prior_rank_uniformly():
     assert set(found["quantities"]) == {"g", "delta_0_init", "rate_0_init", "sigma", "log_likelihood"}
 
 
+@pytest.mark.slow
 def test_intervals_that_are_30_percent_too_narrow_are_noticed():
     assert not calibrated(ranked(narrowed=0.7))
 
@@ -175,6 +176,7 @@ def test_the_rank_of_the_likelihood_notices_what_marginals_do_not():
     assert ranks.summary(rows, RANKED)["quantities"]["log_likelihood"]["histogram"]["p"] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["student_t", "correlated"])
 def test_simulated_noise_has_the_density_that_the_posterior_takes_it_to_have(noise):
     # At the truth, the mean slope of a log density in each of its parameters is zero.

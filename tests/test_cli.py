@@ -1154,6 +1154,7 @@ def test_help_names_every_command() -> None:
         assert re.search(rf"^  {name} ", said.out, re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_the_exit_status_reaches_the_shell(tmp_path: Path) -> None:
     said = shell("loop", tmp_path / "none.toml", "--out", tmp_path / "out")
     refused(said, tmp_path / "out")

@@ -49,6 +49,7 @@ def test_the_motion_holds_its_acceleration() -> None:
     assert angle[0] == -study.TURN
 
 
+@pytest.mark.slow
 def test_the_study_writes_its_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     reports, page = tmp_path / "reports", tmp_path / "docs" / "page.md"
     (reports / "arm_delay").mkdir(parents=True)

@@ -142,7 +142,7 @@ def stated(rig: ArmRig, rng: np.random.Generator) -> Rig:
     )
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 20))])
+@pytest.mark.parametrize("seed", [*range(2), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 20))])
 def test_a_clean_arm_contradicts_nothing(seed: int) -> None:
     rng = np.random.default_rng([7, seed])
     rig = draw_rig(rng)

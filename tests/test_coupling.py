@@ -54,7 +54,7 @@ def arm_on(base: str, effects: tuple[str, ...] = PLAIN, inertia: float = INERTIA
 
 
 @pytest.mark.parametrize(
-    "base", [pytest.param(b, marks=pytest.mark.slow) if b == "elastica_4" else b for b in TWIN_ERROR]
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("elastica", "elastica_4") else b for b in TWIN_ERROR]
 )
 def test_the_torque_is_that_of_a_converged_beam(base: str) -> None:
     rig, manoeuvre, time = PAPER_RIG, trapezoid(1.0, 1.4, start=0.2), np.linspace(0.0, 2.0, 101)
@@ -79,7 +79,7 @@ def test_the_cubic_model_pulls_with_its_spring() -> None:
     np.testing.assert_allclose(torque, -0.05 * (8.79 * delta + 0.51 * delta**3), rtol=1e-12)
 
 
-@pytest.mark.parametrize("mu", [0.04, 0.005])
+@pytest.mark.parametrize("mu", [0.04, pytest.param(0.005, marks=pytest.mark.slow)])
 def test_without_a_rod_it_is_the_papers_force_on_its_lever(mu: float) -> None:
     # A swing from 0.7 to 0.45 rad against eq. (11), with the force of the static elastica at the tip.
     time = np.linspace(0.0, 0.3, 31)

@@ -91,7 +91,6 @@ def test_the_rod_is_33_140_and_couples_to_the_motor() -> None:
     linear = third_order("linear")
     assert sp.simplify(effective_mass() - 1 - sp.Rational(33, 140) * MU) == 0
     assert sp.simplify(linear.A - rod_coupling(MU)) == 0
-    assert sp.simplify(third_order("bent").A - rod_coupling(MU)) == 0
     assert float(linear.A.subs(MU, PAPER_MU)) == pytest.approx(0.0105, abs=5e-5)
     # The motor's acceleration meets the changed inertia as well.
     assert sp.simplify(linear.c_m - (linear.c1 - (linear.c1 - linear.c3) * (1 + linear.A))) == 0
@@ -132,6 +131,7 @@ def test_a_base_expanded_is_the_derivation() -> None:
     assert sp.simplify(sp.expand(got - expected.subs(MU, get_base("reduced").mu))) == 0
 
 
+@pytest.mark.slow
 def test_a_bent_rod_against_quadrature_over_the_exact_shapes() -> None:
     at, weights = np.polynomial.legendre.leggauss(12)
     arc, weights = (at + 1) / 2, weights / 2
@@ -153,7 +153,9 @@ def test_a_bent_rod_against_quadrature_over_the_exact_shapes() -> None:
     np.testing.assert_allclose(np.log2(np.divide(*errors)), 4, atol=0.2)
 
 
+@pytest.mark.slow
 def test_the_rod_hardly_changes_the_coefficients() -> None:
+    assert sp.simplify(third_order("bent").A - rod_coupling(MU)) == 0
     linear, bent = third_order("linear"), third_order("bent")
     for name, relative in (("beta", 0.01), ("c1", 0.01), ("c2", 0.01), ("c3", 0.07), ("c_m", 0.035)):
         values = [float(sp.sympify(getattr(e, name)).subs(MU, PAPER_MU)) for e in (linear, bent)]
@@ -164,7 +166,7 @@ def test_the_rod_hardly_changes_the_coefficients() -> None:
 # Terms that are one term.
 
 
-@pytest.mark.parametrize("rod", RODS)
+@pytest.mark.parametrize("rod", [*RODS[:2], pytest.param("bent", marks=pytest.mark.slow)])
 def test_coriolis_is_twice_centrifugal(rod: str) -> None:
     e = third_order(rod)
     assert sp.simplify(e.c2 + 2 * e.c1) == 0
@@ -244,6 +246,7 @@ def tip(along: float, across: float, delta: float) -> TipState:
     return tip_under_load(np.hypot(along, across), delta + np.arctan2(across, along))
 
 
+@pytest.mark.slow
 def test_the_pages_numbers_of_a_bent_rod() -> None:
     changes = {}
     for name in ("beta", "c1", "c3"):

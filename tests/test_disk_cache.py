@@ -177,10 +177,10 @@ def test_several_processes_compile_once(folder: Path, tmp_path: Path) -> None:
     key.touch()
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     running = [
-        subprocess.Popen([sys.executable, script], env=environment, stdout=subprocess.PIPE, text=True) for _ in range(4)
+        subprocess.Popen([sys.executable, script], env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)
     ]
     said = [process.communicate()[0].split() for process in running]
-    assert [value for value, _ in said] == ["9.0"] * 4
+    assert [value for value, _ in said] == ["9.0"] * 2
     assert sum(int(compiled) for _, compiled in said) == 1
 
 

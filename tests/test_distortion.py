@@ -129,7 +129,7 @@ def test_noise_through_the_system_keeps_its_colour():
 
 
 @pytest.mark.parametrize("coloured", [False, True])
-@pytest.mark.parametrize(("count", "length"), [(5, 924), (2, 1536)])
+@pytest.mark.parametrize(("count", "length"), [(5, 924), pytest.param(2, 1536, marks=pytest.mark.slow)])
 def test_linear_systems_raise_few_false_alarms(coloured, count, length):
     verdicts = []
     for seed in range(60):

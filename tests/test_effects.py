@@ -182,7 +182,7 @@ def planted(*effects: Effect) -> Iterator[None]:
             del known[e.id()]
 
 
-@pytest.mark.parametrize("base", ["constant_radius", "elastica_2"])
+@pytest.mark.parametrize("base", ["constant_radius", pytest.param("elastica_2", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("effect", [WavyInput(), AddedInertia()])
 def test_the_contract_accepts_a_drive_and_a_kinetic_energy(effect: Effect, base: str) -> None:
     contract = TestCatalogue()

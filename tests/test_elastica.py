@@ -213,6 +213,7 @@ def _series() -> tuple[sp.Expr, sp.Expr]:
     return sp.expand(force), sp.expand(radius)
 
 
+@pytest.mark.slow
 def test_perpendicular_law_series() -> None:
     force, radius = _series()
     delta = next(iter(force.free_symbols))

@@ -76,6 +76,7 @@ def test_tension_to_first_order_of_the_deflection_is_that_of_the_linear_beam() -
     assert found.radius.coeff(found.delta, 2).coeff(found.radial, 1) == sp.Rational(1, 175)
 
 
+@pytest.mark.slow
 def test_tension_moves_the_tip_off_any_radius_law() -> None:
     found = elastica_series(5, 3)
     evaluate = sp.lambdify([found.delta, found.radial], [found.tangential, found.radius])

@@ -38,6 +38,7 @@ def test_a_the_centripetal_term(recording: Stand) -> None:
     assert n["rms_error_printed"] > n["rms_acceleration"]
 
 
+@pytest.mark.slow
 def test_b_the_time_scale() -> None:
     n = time_scale(duration=3.0).numbers
     assert n["largest_distance_right_lengths"] < 1e-6
@@ -83,6 +84,7 @@ def test_e_the_radius(recording: Stand) -> None:
     assert checks.radius_error(replace(recording, motion=straight)).numbers["largest_mm"] < 1e-9
 
 
+@pytest.mark.slow
 def test_f_the_deflection_that_is_reached() -> None:
     n = largest_deflection().numbers
     assert n["ideal_rad"] == pytest.approx(0.69, abs=5e-3)

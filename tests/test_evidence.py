@@ -142,6 +142,7 @@ def test_evidence_is_that_of_quadrature(linear):
     assert evidence.log_evidence == pytest.approx(integrated(linear), abs=4 * evidence.drawn.error + 0.01)
 
 
+@pytest.mark.slow
 def test_evidence_of_the_papers_model_is_that_of_bridge_sampling():
     """Draws of the walkers and of a Gaussian, joined by the bridge of Meng and Wong, Statistica Sinica 6 (1996)."""
     recordings = load_dataset(ARM / "rig.toml", [ARM / "train_paper.csv"]).train

@@ -18,6 +18,8 @@ from discovery.foundation.errors import DiscoveryError
 ROOT = Path(__file__).parents[1]
 PARSER = doctest.DocTestParser()
 #: The same work is done once for all examples.
+#: The loop on the same recordings has its answer in `test_search_part`, too.
+WHOLE_RUNS = ("run", "build_report", "close_loop", "LoopResult")
 DEAR = ("close_loop", "fit_model", "load_dataset", "run", "sample")
 
 
@@ -114,7 +116,8 @@ def sessions() -> Iterator[Any]:
         value = getattr(discovery, name)
         found = [(name, value)]
         found += [(f"{name}.{n}", m) for n, m in methods(value)] if isinstance(value, type) else []
-        yield from (pytest.param(inspect.getdoc(of), id=label) for label, of in found if examples(of))
+        marks = [pytest.mark.slow] if name in WHOLE_RUNS else []
+        yield from (pytest.param(inspect.getdoc(of), id=label, marks=marks) for label, of in found if examples(of))
 
 
 @pytest.mark.usefixtures("sketched")

@@ -58,6 +58,8 @@ LINES = ("accelerometer", "base_excited", "moving_pivot", "servo", "inverse_dyna
 BASES = ("constant_radius", "reduced", "oscillator", "elastica", *LINES)
 #: The same; the text of three coordinates with every effect takes long.
 QUICK_FIRST = [pytest.param(base, marks=pytest.mark.slow) if base == "elastica" else base for base in BASES]
+#: An arm, a driven body, a reading of the acceleration, and a motion that is given.
+FOUR = ("constant_radius", "oscillator", "accelerometer", "inverse_dynamics")
 CLOSED = ("constant_radius", "reduced", "oscillator", *LINES)
 TIME = np.linspace(0.0, 0.48, 121)
 STEP = 0.002
@@ -238,7 +240,9 @@ def test_parameter_sets_run_side_by_side() -> None:
         np.testing.assert_allclose(together[..., k], alone, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("base", [pytest.param("reduced", marks=pytest.mark.slow), "oscillator", "inverse_dynamics"])
+@pytest.mark.parametrize(
+    "base", ["oscillator", *(pytest.param(b, marks=pytest.mark.slow) for b in ("reduced", "inverse_dynamics"))]
+)
 def test_what_numba_compiles_is_what_numpy_does_alone(base: str) -> None:
     """With all effects, and several parameter sets."""
     model, values, alone = everything(base)
@@ -407,7 +411,9 @@ def evaluator(base: str):
     return model, found, evaluate
 
 
-@pytest.mark.parametrize("base", QUICK_FIRST)
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
+)
 def test_the_sympy_program_is_the_kernels(base: str) -> None:
     model, found, evaluate = evaluator(base)
     program = build_program(model.base, model.effects)
@@ -423,7 +429,7 @@ def test_the_sympy_program_is_the_kernels(base: str) -> None:
     assert found.lateness == program.lateness
 
 
-@pytest.mark.parametrize("base", CLOSED)
+@pytest.mark.parametrize("base", [pytest.param(b, marks=pytest.mark.slow) if b == "reduced" else b for b in CLOSED])
 @settings(max_examples=5, deadline=None)
 @given(numbers=st.lists(st.floats(-0.6, 0.6), min_size=7, max_size=7))
 def test_the_equation_of_motion_holds_for_the_kernels_acceleration(base: str, numbers: list[float]) -> None:
@@ -499,7 +505,9 @@ def test_the_reduced_equation_expands_to_the_papers_third_order() -> None:
     assert sp.expand(third - (expected - delta**2 * motor / 25)) == 0
 
 
-@pytest.mark.parametrize("base", QUICK_FIRST)
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
+)
 def test_the_sympy_file_rebuilds_the_expressions(base: str) -> None:
     model, found, _ = evaluator(base)
     values = some_values(model)
@@ -546,7 +554,7 @@ def mathematics(text: str) -> list[str]:
     return [*rows, *re.findall(r"(?<!\\)\$(.+?)(?<!\\)\$", text)]
 
 
-@pytest.mark.parametrize("base", [pytest.param(b, marks=pytest.mark.slow) if b == "reduced" else b for b in BASES])
+@pytest.mark.parametrize("base", [b if b in FOUR else pytest.param(b, marks=pytest.mark.slow) for b in BASES])
 def test_the_latex_is_balanced_and_renders(base: str) -> None:
     model = Model(base, every_effect(base))
     text = to_latex(model, some_values(model))

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from test_export import BASES, DRIVE, STEP, TIME, everything, module, some_values, with_stiffness
+from test_export import BASES, DRIVE, FOUR, STEP, TIME, everything, module, some_values, with_stiffness
 from test_export_c import held_out
 
 from discovery.export import FittedModel, to_fmu, to_numpy
@@ -54,9 +54,7 @@ def driven(
     return np.transpose(found)
 
 
-@pytest.mark.parametrize(
-    "base", [pytest.param(b, marks=pytest.mark.slow) if b in ("reduced", "elastica") else b for b in BASES]
-)
+@pytest.mark.parametrize("base", [b if b in FOUR else pytest.param(b, marks=pytest.mark.slow) for b in BASES])
 def test_the_description_is_valid(base: str, tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 
@@ -64,7 +62,7 @@ def test_the_description_is_valid(base: str, tmp_path: Path) -> None:
     assert validate_fmu(str(written(FittedModel(model, values), tmp_path))) == []
 
 
-@pytest.mark.parametrize("tau", [0.0, 0.0127])
+@pytest.mark.parametrize("tau", [pytest.param(0.0, marks=pytest.mark.slow), 0.0127])
 def test_a_held_out_recording_is_followed(tau: float, tmp_path: Path) -> None:
     """25 s in steps of a millisecond, shorter at kinks: within 1e-6 of the kernel, relative to the largest reading.
 

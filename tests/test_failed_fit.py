@@ -16,7 +16,7 @@ from discovery.report.index import build_index
 from discovery.report.sentences import verdict_sentence
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("sketched")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 #: A loss and a spring with the wrong sign: it runs away, and its guesses are stiff.
 RIG = """
@@ -55,7 +55,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("command", ["loop", "run"])
+@pytest.mark.parametrize("command", ["loop", pytest.param("run", marks=pytest.mark.slow)])
 def test_a_declaration_that_runs_away_is_answered(
     command: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -101,7 +101,7 @@ def test_a_prediction_without_a_model_is_status_3(folder: Path, capsys: pytest.C
 def test_a_motor_with_a_torque_step_is_led_to_its_fit(tmp_path: Path) -> None:
     """The declared damping of a drive is a guess: from there its angle goes a hundred times too far."""
     gain, loss = 1000.0, 20.0
-    time = np.arange(1200) / 200
+    time = np.arange(600) / 100
     torque = np.where(time > 1, 0.05, 0.0)
     on = np.maximum(time - 1, 0)
     angle = gain * 0.05 / loss * (on - (1 - np.exp(-loss * on)) / loss)

@@ -110,7 +110,7 @@ def test_a_folder_in_the_place_of_a_file_is_told(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
 
 
-@pytest.mark.parametrize("command", ["loop", "run", "fit", "residual"])
+@pytest.mark.parametrize("command", ["loop", pytest.param("run", marks=pytest.mark.slow), "fit", "residual"])
 def test_a_command_on_a_full_disk_is_status_3(
     command: str, rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -270,8 +270,7 @@ def test_a_name_is_no_number(name: str, tmp_path: Path) -> None:
 #: What a reader of JSON, of paths, of lines or of templates might take for something else.
 ODD_NAMES = [
     "NaN",
-    "..",
-    *(pytest.param(n, marks=pytest.mark.slow) for n in ("a\nb", "Infinity", "-Infinity", "null", "%s{0}")),
+    *(pytest.param(n, marks=pytest.mark.slow) for n in ("..", "a\nb", "Infinity", "-Infinity", "null", "%s{0}")),
 ]
 
 
@@ -384,12 +383,9 @@ def test_odd_results_are_refused(content: str, file: str, tmp_path: Path, capsys
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no device that is always full")
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("streams", "status"),
-    [
-        (">/dev/full", 3),
-        *(pytest.param(s, 0, marks=pytest.mark.slow) for s in (">&- 2>&- <&-", "2>/dev/full", ">&-", "2>&-")),
-    ],
+    ("streams", "status"), [(">/dev/full", 3), (">&- 2>&- <&-", 0), ("2>/dev/full", 0), (">&-", 0), ("2>&-", 0)]
 )
 def test_streams_that_are_full_or_closed(streams: str, status: int, rig: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"

@@ -166,7 +166,7 @@ def test_a_damper_may_hold_more_than_inertia_does(tmp_path: Path) -> None:
     assert found.values["xi"] > 20.0 / natural_units(train).time
 
 
-@pytest.mark.parametrize("width", [0.6, 1.0])
+@pytest.mark.parametrize("width", [0.6, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_a_declared_law_of_any_size_begins_at_each_of_its_declared_starts(tmp_path: Path, width: float) -> None:
     push, time = sines((1.3, 2.9, 4.1, 6.7, 0.7), 6.0), np.arange(1500) / 100
 

@@ -147,6 +147,7 @@ def cartesian_force(x: float, y: float, guess: np.ndarray) -> np.ndarray:
     return found.x
 
 
+@pytest.mark.slow
 def test_an_independent_solver_in_cartesian_coordinates() -> None:
     # Away from the straight arm the inverse of the map is good enough for an explicit method.
     model, time = GeneralModel(1.0, 1.0, 1.0, 0.05), np.linspace(0.0, 0.6, 13)
@@ -164,6 +165,7 @@ def test_an_independent_solver_in_cartesian_coordinates() -> None:
     np.testing.assert_allclose(path.y[2:], motion.velocity, atol=2e-6)
 
 
+@pytest.mark.slow
 def test_one_normalised_motion_for_arms_of_any_size() -> None:
     other = GeneralModel(2.0, 0.7, 1.8, 0.0)
     other = replace(other, xi=ARM.xi * ARM.time_scale / other.time_scale)
@@ -186,7 +188,10 @@ def test_one_normalised_motion_for_arms_of_any_size() -> None:
 # Convergence and energy.
 
 
-@pytest.mark.parametrize(("move", "limits"), [("trapezoid", (4e-6, 2e-7)), ("minimum_jerk", (1e-6, 5e-8))])
+@pytest.mark.parametrize(
+    ("move", "limits"),
+    [("trapezoid", (4e-6, 2e-7)), pytest.param("minimum_jerk", (1e-6, 5e-8), marks=pytest.mark.slow)],
+)
 def test_the_path_converges_with_the_step(move: str, limits: tuple[float, float]) -> None:
     drive, time = exact_drive(MOVES[move]), TIME[:101]
     fine, *coarse = (simulate_general(ARM, drive, time, step=step) for step in (0.0025, 0.01, 0.005))
@@ -206,6 +211,7 @@ def test_the_path_converges_with_the_retardation(move: Manoeuvre) -> None:
     assert steps[0] / steps[1] == pytest.approx(2.0, rel=0.25)
 
 
+@pytest.mark.slow
 def test_hard_ramps_leave_ringing_that_is_bounded() -> None:
     """The ringing depends on the retardation, the tip by little; without any the radial force leaves its domain."""
     drive = exact_drive(MOVES["trapezoid"])
@@ -251,7 +257,8 @@ def test_friction_takes_its_power() -> None:
 # Limits.
 
 
-@pytest.mark.parametrize("amplitude", [pytest.param(0.02, marks=pytest.mark.slow), 0.1])
+@pytest.mark.slow
+@pytest.mark.parametrize("amplitude", [0.02, 0.1])
 def test_small_swings_have_the_frequency_of_the_linear_model(amplitude: float) -> None:
     omega = np.sqrt(3 * FREE.flexural_rigidity / (FREE.tip_mass * FREE.length**3))
     time = np.linspace(0.0, 20.0, 4001)
@@ -318,7 +325,8 @@ def test_the_twin_nears_the_massless_arm() -> None:
     assert corrected[2] < 2e-4
 
 
-@pytest.mark.parametrize("move", ["minimum_jerk", pytest.param("trapezoid", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("move", ["minimum_jerk", "trapezoid"])
 def test_the_elastica_base_nears_the_massless_arm(move: str) -> None:
     drive = exact_drive(MOVES[move])
     ratios = (0.2845, 0.05, 0.005)

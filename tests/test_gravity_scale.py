@@ -136,6 +136,7 @@ def test_a_dense_noisy_recording_is_looked_at_in_few_stretches() -> None:
     assert angle_doubt(pendulum(unit="rad"), [(t, y)]) is None
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(("unit", "verdict"), [("deg", "unexplained"), ("rad", "nothing_missing")])
 def test_readings_that_refute_the_unit_are_not_explained(unit, verdict, tmp_path):
     """A false unit makes a cubic spring of the sine, which would explain every reading."""

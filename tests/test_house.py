@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -40,10 +39,20 @@ def _sources() -> dict[str, list[str]]:
     return {p.relative_to(ROOT).as_posix(): p.read_text(encoding="utf-8").splitlines() for p in files}
 
 
-def _nodes() -> Iterator[tuple[str, ast.AST]]:
+@cache
+def _long() -> tuple[set[str], set[str]]:
+    """Return the long functions and the long calls, each module being read once and its tree let go."""
+    functions, calls = set(), set()
     for name, lines in _sources().items():
         for node in ast.walk(ast.parse("\n".join(lines))):
-            yield name, node
+            if (
+                isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+                and _lines_of_code(node, lines) > LONGEST_FUNCTION
+            ):
+                functions.add(f"{name}:{node.name}")
+            elif isinstance(node, ast.Call) and len(node.args) > MOST_POSITIONAL:
+                calls.add(f"{name}:{ast.unparse(node.func)}")
+    return functions, calls
 
 
 def _lines_of_code(function: ast.AST, lines: list[str]) -> int:
@@ -62,20 +71,11 @@ def _long_modules() -> set[str]:
 
 
 def _long_functions() -> set[str]:
-    return {
-        f"{name}:{node.name}"
-        for name, node in _nodes()
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-        and _lines_of_code(node, _sources()[name]) > LONGEST_FUNCTION
-    }
+    return _long()[0]
 
 
 def _long_calls() -> set[str]:
-    return {
-        f"{name}:{ast.unparse(node.func)}"
-        for name, node in _nodes()
-        if isinstance(node, ast.Call) and len(node.args) > MOST_POSITIONAL
-    }
+    return _long()[1]
 
 
 @pytest.mark.parametrize(

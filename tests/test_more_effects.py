@@ -261,7 +261,7 @@ def test_changes_of_the_radius_add_up(tau: float) -> None:
     assert np.abs(rho - np.cos(0.45 * delta)).max() > 0.01
 
 
-@pytest.mark.parametrize("sensors", [(), ("sensor_delay",)])
+@pytest.mark.parametrize("sensors", [pytest.param((), marks=pytest.mark.slow), ("sensor_delay",)])
 def test_an_exported_radius_knows_its_rates(sensors: tuple[str, ...]) -> None:
     model = Model("constant_radius", (*LINEAR, "radius_law", "radius_tension", *sensors))
     values = {**ARM_VALUES, "gamma": 0.45, "r_T": 0.4, **dict.fromkeys(("tau",) * len(sensors), 0.0137)}

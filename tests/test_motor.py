@@ -180,21 +180,26 @@ def test_the_command_is_the_twins_trapezoid() -> None:
     np.testing.assert_allclose(drive.kinks, manoeuvre.kinks)
 
 
+GEARS = (5, 20, 50, 100)
+
+
 @cache
-def study() -> EncoderStudy:
-    return encoder_as_input(np.random.default_rng(0), gear_ratios=(5, 20, 50, 100))
+def study(*gears: int) -> EncoderStudy:
+    return encoder_as_input(np.random.default_rng(0), gear_ratios=gears)
 
 
-def test_the_encoder_is_a_complete_input_whatever_the_motor_does() -> None:
-    found = study()
+@pytest.mark.parametrize("gears", [(50,), pytest.param(GEARS, marks=pytest.mark.slow)])
+def test_the_encoder_is_a_complete_input_whatever_the_motor_does(gears: tuple[int, ...]) -> None:
+    found = study(*gears)
     assert (np.abs(found.bias_encoder) < 3e-4).all()
     assert (np.abs(found.bias_encoder) < 2 * found.sd_encoder).all()
     # A tenth of the camera's noise.
     assert (found.residual_encoder < 3e-5).all()
 
 
+@pytest.mark.slow
 def test_the_command_is_an_input_only_where_the_motor_is_deaf() -> None:
-    found = study()
+    found = study(*GEARS)
     assert (np.diff(found.hub_peak) < 0).all()
     assert (np.diff(found.tip_peak) < 0).all()
     assert (np.diff(np.abs(found.bias_command)) < 0).all()

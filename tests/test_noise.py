@@ -367,7 +367,7 @@ def mode_by_scipy(errors):
     return optimize.minimize(cost, start, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-5}).x
 
 
-@pytest.mark.parametrize("nu", [0.5, 0.76])
+@pytest.mark.parametrize("nu", [0.5, pytest.param(0.76, marks=pytest.mark.slow)])
 def test_start_bears_outliers_that_least_squares_does_not(nu):
     """Of such errors neither the variance nor the mean exists: the largest of these is ten thousands of scales."""
     errors = NOISE * np.random.default_rng(107).standard_t(nu, TIME.size)
@@ -381,7 +381,7 @@ def test_start_bears_outliers_that_least_squares_does_not(nu):
     assert log_evidence(target, np.random.default_rng(1), 1000).reliable
 
 
-@pytest.mark.parametrize("seed", [7, 1001, 1005])
+@pytest.mark.parametrize("seed", [7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1001, 1005))])
 def test_start_returns_from_another_frequency(seed):
     """With damping and stiffness free, outliers send least squares to a stiffness of twenty times the true one."""
     errors = NOISE * np.random.default_rng(seed).standard_t(0.76, TIME.size)

@@ -28,7 +28,7 @@ from discovery.runs.pipeline import add_posterior, answer, run
 from discovery.runs.processes import TimeIsUp
 
 #: The words and files of pages are what is tested here.
-pytestmark = pytest.mark.usefixtures("sketched")
+pytestmark = pytest.mark.usefixtures("few_draws", "undrawn")
 
 ARM = Path(__file__).parents[1] / "datasets" / "arm"
 SEED = 3
@@ -467,6 +467,7 @@ def circuit(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return {"folder": folder / "out", **json.loads(json.dumps(plain(content)))}
 
 
+@pytest.mark.slow
 def test_an_oscillator_has_no_arms_pages(circuit: dict[str, Any]) -> None:
     assert {p.name for p in circuit["folder"].iterdir()} == FILES - {"laws.nc", "amplitude.nc"}
     assert circuit["elastica"] is None
@@ -475,6 +476,7 @@ def test_an_oscillator_has_no_arms_pages(circuit: dict[str, Any]) -> None:
     assert set(circuit["fits"]) == {"linear", "declared"}
 
 
+@pytest.mark.slow
 def test_an_oscillators_missing_spring_is_found_by_regression_and_by_the_loop(circuit: dict[str, Any]) -> None:
     assert circuit["loop"]["verdict"] == "explained"
     (effect,) = circuit["loop"]["effects"]
@@ -484,6 +486,7 @@ def test_an_oscillators_missing_spring_is_found_by_regression_and_by_the_loop(ci
     assert "q^3" in circuit["discovery"]["equation"]["terms"]
 
 
+@pytest.mark.slow
 def test_an_oscillators_posterior_is_that_of_the_final_model(circuit: dict[str, Any]) -> None:
     assert circuit["posterior"]["subject"] == "after"
     rows = {row["name"]: row for row in circuit["posterior"]["rows"]}

@@ -107,7 +107,7 @@ def test_an_oscillator_rests_where_input_and_hard_spring_balance() -> None:
 
 
 @pytest.mark.parametrize("tilt", [(-1.5e-3, 2e-3), (0.0, 0.02)])
-@pytest.mark.parametrize("motor", [0.0, 1.0])
+@pytest.mark.parametrize("motor", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 @pytest.mark.parametrize(("base", "n"), [("elastica", 3), ("elastica_4", 4)])
 def test_the_rod_bends_under_its_own_weight_too(base: str, n: int, motor: float, tilt: tuple[float, float]) -> None:
     effects = (*LINEAR, "table_tilt")

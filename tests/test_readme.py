@@ -34,7 +34,7 @@ def pasted() -> list[tuple[str, str]]:
     return re.findall(r"^```\n\.venv/bin/(discovery .*?)```\n\n```\n(.*?)```$", text, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.usefixtures("sketched")
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("place", ["build/spring_bench", pytest.param("build/arm_delay", marks=pytest.mark.slow)])
 def test_a_command_to_paste_prints_what_is_quoted(place: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     ((command, quoted),) = [(command, quoted) for command, quoted in pasted() if place in command]

@@ -94,8 +94,12 @@ def arm(drawn_run: Callable[[str], Path]) -> Made:
 
 
 @pytest.fixture(scope="module")
-def oscillator(drawn_run: Callable[[str], Path]) -> Made:
-    return _made(drawn_run("oscillator"))
+def oscillator(sketch: Callable[[Path], Path], tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """Return a page with empty pictures: what is in them is read of the arm's, and of this one by a browser."""
+    folder = tmp_path_factory.mktemp("oscillator")
+    synthetic_run.write_oscillator_run(folder)
+    sketch(folder)
+    return _made(folder)
 
 
 @pytest.fixture(scope="module", params=["arm", "oscillator"])

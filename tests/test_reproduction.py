@@ -7,7 +7,7 @@ import shutil
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -172,6 +172,7 @@ def test_no_static_law_beats_the_papers_by_much(recorded: Stand) -> None:
     assert static_radius(lawful)["best_static"]["peak"] < 1e-9
 
 
+@pytest.mark.slow
 def test_freed_inertial_terms_fit_better_and_mean_less(recorded: Stand, inside: Stand) -> None:
     """Finding h: one alone misleads; all free win where they are fitted and lose on another manoeuvre."""
     rows = {r["model"]: r for r in freed({"trained": recorded, "inside": inside})}
@@ -234,6 +235,7 @@ def test_instruments_have_the_papers_noise(recorded: Stand) -> None:
     assert errors["noise_free"] == {"mean": 0.0, "peak": 0.0}
 
 
+@pytest.mark.slow
 def test_a_stand_is_the_same_twice_and_other_with_another_seed() -> None:
     one, two, other = (
         stand(PAPER_RIG, manoeuvre(), name="short", seed=seed, duration=6.0) for seed in ([7, 1], [7, 1], [7, 2])
@@ -390,6 +392,7 @@ def test_a_fit_names_what_the_record_leaves_open(brief: Stand) -> None:
 # --- other arms
 
 
+@cache
 def similar(length: float, rigidity: float, mass: float) -> tuple[Stand, float]:
     """An arm whose every quantity but the normalised ones differs, on the manoeuvre in normalised time."""
     arm = scaled_rig(

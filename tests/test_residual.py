@@ -96,6 +96,7 @@ def test_fast_ringing_is_not_motion() -> None:
 # Whiteness.
 
 
+@pytest.mark.slow
 def test_the_probability_is_uniform_under_white_noise() -> None:
     motion, time = MOTION[:600], TIME[:600]
     found = [

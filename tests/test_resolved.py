@@ -131,7 +131,7 @@ def test_refits_on_good_simulators_stay_as_they_are() -> None:
     assert {r.effect: r for r in again} == {r.effect: r for r in quick}
 
 
-@pytest.mark.parametrize("step", [0.0053, 0.011])
+@pytest.mark.parametrize("step", [0.0053, pytest.param(0.011, marks=pytest.mark.slow)])
 def test_an_effect_that_makes_the_motion_stiff_is_found_on_better_simulators(tmp_path: Path, step: float) -> None:
     """A camera ahead of the encoder explains nearly as much: it would be named instead."""
     found = declared(stiff(tmp_path), step)

@@ -107,7 +107,9 @@ def test_a_base_of_one_coordinate_follows_its_effect(effect: str, value: float) 
     assert with_effect < 0.2 * mean_distance(simulated("reduced"), truth(effect, value))
 
 
-@pytest.mark.parametrize(("effect", "true"), [CASES[0], CASES[2], CASES[4], CASES[5]])
+@pytest.mark.parametrize(
+    ("effect", "true"), [CASES[0], *(pytest.param(*CASES[k], marks=pytest.mark.slow) for k in (2, 4, 5))]
+)
 def test_a_noisy_recording_gives_the_parameter_back(effect: str, true: float) -> None:
     rng = np.random.default_rng(list(effect.encode()))
     tip = truth(effect, true) + 3e-4 * rng.standard_normal((TIME.size, 2))
@@ -236,7 +238,7 @@ def beam_frequency(mu: float, inertia: float = 0.0, compliance: float = 0.0, num
     return brentq(equation, grid[k], grid[k + 1], xtol=1e-14) ** 4 * (1 + 33 / 140 * mu) / mu / 3
 
 
-@pytest.mark.parametrize("mu", [0.1, 0.2845])
+@pytest.mark.parametrize("mu", [pytest.param(0.1, marks=pytest.mark.slow), 0.2845])
 def test_small_motions_have_the_frequency_of_the_beam(mu: float) -> None:
     assert beam_frequency(mu) == pytest.approx(1.0, abs=2e-4)
     for base, accuracy in (("elastica", 2e-5), ("elastica_1", 2e-3), ("reduced", 2e-3)):
@@ -248,8 +250,8 @@ def test_small_motions_have_the_frequency_of_the_beam(mu: float) -> None:
         assert found == pytest.approx(beam_frequency(mu, compliance=0.1), rel=5 * accuracy), base
 
 
-@pytest.mark.parametrize("mu", [0.05, 0.15, 0.35])
-@pytest.mark.parametrize("inertia", [1e-3, 5e-3, 0.04])
+@pytest.mark.parametrize("mu", [0.05, pytest.param(0.15, marks=pytest.mark.slow), 0.35])
+@pytest.mark.parametrize("inertia", [1e-3, pytest.param(5e-3, marks=pytest.mark.slow), 0.04])
 def test_a_disc_that_turns_with_the_rod_rings_as_on_a_beam(mu: float, inertia: float) -> None:
     found, rigid = (frequencies("elastica", "tip_rotary_inertia", J, mu) for J in (inertia, 1e-9))
     assert found[1] == pytest.approx(beam_frequency(mu, inertia=inertia, number=1), rel=2e-3)

@@ -277,6 +277,7 @@ def _case(out, system, monkeypatch):
     return json.loads((out / "truth" / f"{outcome.name}.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_case_is_written_sealed_the_same_again_and_kept(tmp_path, monkeypatch):
     truth = _case(tmp_path / "one", "decay", monkeypatch)
     assert truth == _case(tmp_path / "two", "decay", monkeypatch)
@@ -298,6 +299,7 @@ def test_a_case_is_written_sealed_the_same_again_and_kept(tmp_path, monkeypatch)
     assert generate.write_rough_case(tmp_path / "one", 12, 0) == truth
 
 
+@pytest.mark.slow
 def test_an_arm_of_the_rough_world_is_none_of_the_exact_one():
     from discovery_datasets.cases import draw_case
 

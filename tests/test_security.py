@@ -24,6 +24,8 @@ from test_cli import call
 from test_faults import RIG, swing
 
 from discovery import report
+from discovery.equations.model import Model
+from discovery.export import FittedModel, to_numpy, to_sympy_file
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import read_table
 from discovery.report import build_report
@@ -86,9 +88,10 @@ def harmless(page: str) -> Page:
     return read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=pytest.mark.slow) if k > 0 else name for k, name in enumerate(HOSTILE)],
+    HOSTILE,
     ids=range(len(HOSTILE)),
 )
 def test_hostile_names_are_shown_and_do_nothing(
@@ -206,3 +209,24 @@ def test_no_recording_is_unpickled(suffix: str, tmp_path: Path) -> None:
         with pytest.raises(InputError):
             read_table(path)
     assert not pwned.exists()
+
+
+def told_and_done(text: str) -> tuple[str, str]:
+    """Return what a module says of itself, and what it does."""
+    module = ast.parse(text)
+    assert isinstance(module.body[0], ast.Expr)
+    return ast.get_docstring(module) or "", ast.dump(ast.Module(module.body[1:], []))
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=range(len(HOSTILE)))
+def test_an_exported_file_does_the_same_whatever_the_names(name: str) -> None:
+    model, values = Model("oscillator", ("viscous_damping", "linear_stiffness")), {"xi": 0.1, "alpha": 9.0, "g": 1.0}
+
+    def fitted(name: str) -> FittedModel:
+        sources = {"rig": {"name": name, "sha256": "0" * 64}, "data": [{"source": name, "sha256": "1" * 64}]}
+        return FittedModel(model, values, initial={name: (0.1, 0.0)}, provenance={"discovery": "1", **sources})
+
+    for write in (to_numpy, to_sympy_file):
+        (told, done), (plainly, same) = (told_and_done(write(fitted(n))) for n in (name, "plain"))
+        assert done == same
+        assert told != plainly

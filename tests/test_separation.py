@@ -90,8 +90,8 @@ def stating(pair: tuple[str, str], **limits: float) -> dict[str, Fit]:
 
 
 @cache
-def designed(pair: tuple[str, str]) -> Separation:
-    return separate(stating(pair, **STATED), np.random.default_rng(1), evaluations=150)
+def designed(pair: tuple[str, str], evaluations: int = 40) -> Separation:
+    return separate(stating(pair, **STATED), np.random.default_rng(1), evaluations=evaluations)
 
 
 # Moves of the hub.
@@ -203,7 +203,7 @@ def test_the_designed_manoeuvre_separates_what_one_move_could_not(pair: tuple[st
     right, wrong = pair
     before = {n: f.chi2 for n, f in rivals(pair).items()}
     assert before[wrong] < 1.04 * before[right]
-    found = designed(pair)
+    found = designed(pair, 150)
     assert found.designed.projected > 5 * found.given.projected
     assert found.designed.chi2 > 50
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from pushed_oscillator import DECLARED, UNITS, pushes, recorded
@@ -31,10 +33,16 @@ def test_a_declared_law_does_not_take_the_place_of_one_that_contains_it() -> Non
     assert search.best is larger
 
 
+@cache
+def begun() -> Search:
+    shared = context(f_k=0.02, f_b=0.06, v_s=0.1)
+    return Search(shared.fit(Model("oscillator", DECLARED), {"g": 1.0, "xi": 0.08, "alpha": 9.0}, {}), shared)
+
+
 @pytest.mark.parametrize("share", [0.5, 1.5], ids=["accepted itself", "not accepted itself"])
 def test_a_simpler_law_takes_the_place_only_where_it_is_accepted_itself(share: float) -> None:
-    shared = context(f_k=0.02, f_b=0.06, v_s=0.1)
-    search = Search(shared.fit(Model("oscillator", DECLARED), {"g": 1.0, "xi": 0.08, "alpha": 9.0}, {}), shared)
+    search = copy(begun())
+    shared = search.context
     offered = {c.added: c for c in search.offers.beside(search.root)}
     larger, simpler = offered["stribeck_friction",], offered["coulomb_friction",]
     asked = [search._judged(larger, simpler)[0], search._judged(simpler, search.root)[0]]

@@ -272,6 +272,7 @@ def test_order_of_convergence_of_leaps() -> None:
     assert order == pytest.approx(8.0, abs=0.8), errors
 
 
+@pytest.mark.slow
 def test_a_step_in_one_loop_is_that_in_stages(monkeypatch: pytest.MonkeyPatch) -> None:
     time, drive = np.linspace(0.0, 3.0, 61), trapezoid(1.0, 1.25)
     effects = ("viscous_damping", "linear_stiffness", "cubic_stiffness")

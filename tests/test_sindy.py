@@ -32,9 +32,8 @@ def trapezoid(rate, ramp=0.12, start=0.5):
     duration = 1.0 / rate / (1.0 - ramp)
     a = rate / (ramp * duration)
     corners = start + duration * np.array([0.0, ramp, 1.0 - ramp, 1.0])
-    return lambda t: (
-        a / 2.0 * sum(s * np.maximum(np.asarray(t) - c, 0.0) ** 2 for s, c in zip((1, -1, -1, 1), corners, strict=True))
-    )
+    bends = [(sign * a / 2.0, float(c)) for sign, c in zip((1, -1, -1, 1), corners, strict=True)]
+    return lambda t: sum(bend * (t > c) * (t - c) ** 2 for bend, c in bends)
 
 
 def simulate(rate, force=lambda delta, v: XI * v + ALPHA * delta + BETA * delta**3):
@@ -102,7 +101,7 @@ def quiet(paper):
 
 @pytest.mark.parametrize(
     ("noise", "draws"),
-    [(1e-3, 4), *(pytest.param(noise, 10, marks=pytest.mark.slow) for noise in (3e-4, 1e-3, 3e-3))],
+    [(1e-3, 2), *(pytest.param(noise, 10, marks=pytest.mark.slow) for noise in (3e-4, 1e-3, 3e-3))],
 )
 def test_structure_of_the_papers_model(paper, noise, draws):
     found, plain = 0, 0
@@ -153,19 +152,19 @@ def test_same_seed_same_result(quiet):
 
 
 def test_sine_and_cube_cannot_be_told_apart_in_noise_and_can_without(paper):
-    loud = discover(motions(paper, 3e-3, 0), rng=np.random.default_rng(0), resamples=20)
+    loud = discover(motions(paper, 3e-3, 0), rng=np.random.default_rng(0), resamples=10)
     assert set(loud.equation.terms) == STRUCTURE
     assert any("sin(delta)" in rival.terms for rival in loud.rivals)
     assert "Cannot tell" in loud.status
     assert all(rival.likelihood_ratio < 10.0 for rival in loud.rivals)
-    fine = discover(motions(paper, 1e-4, 4), rng=np.random.default_rng(0), resamples=20)
+    fine = discover(motions(paper, 1e-4, 4), rng=np.random.default_rng(0), resamples=10)
     assert fine.rivals == ()
     assert "Cannot tell" not in fine.status
 
 
 def test_a_pendulum_is_a_sine():
     clean = [simulate(rate, lambda delta, v: XI * v + ALPHA * np.sin(delta)) for rate in (1.4, 1.8)]
-    result = discover(motions(clean, 1e-4, 0), rng=np.random.default_rng(0), resamples=20)
+    result = discover(motions(clean, 1e-4, 0), rng=np.random.default_rng(0), resamples=10)
     assert set(result.equation.terms) == {"theta_t'", "sin(delta)"}
 
 
@@ -175,8 +174,11 @@ def test_a_pendulum_is_a_sine():
         (lambda d, v: XI * v + ALPHA * d, None, None),
         (lambda d, v: 0.06 * v * abs(v) + ALPHA * d, "theta_t'|theta_t'|", "quadratic_drag"),
         (lambda d, v: XI * v + ALPHA * d + 0.4 * d**2, "delta^2", "quadratic_stiffness"),
-        (lambda d, v: XI * v + ALPHA * d + 0.3 * d**2 * v, "delta^2 theta_t'", "amplitude_dependent_damping"),
-        (lambda d, v: XI * v + ALPHA * (d - 0.02), "1", "equilibrium_offset"),
+        pytest.param(
+            *(lambda d, v: XI * v + ALPHA * d + 0.3 * d**2 * v, "delta^2 theta_t'", "amplitude_dependent_damping"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(*(lambda d, v: XI * v + ALPHA * (d - 0.02), "1", "equilibrium_offset"), marks=pytest.mark.slow),
         (lambda d, v: XI * v + ALPHA * d + 0.02 * np.tanh(v / 1e-3), "sign(theta_t')", "coulomb_friction"),
     ],
 )
@@ -218,13 +220,13 @@ class Multisine:
 def test_driven_oscillator():
     rng = np.random.default_rng(0)
     force = Multisine(rng)
-    t = np.arange(6000) / 50.0
+    t = np.arange(2500) / 50.0
     z = solve_ivp(
         lambda s, z: [z[1], 2.0 * force.evaluate(s)[0] - 0.8 * z[1] - 25.0 * z[0] - 9.0 * z[0] ** 3],
         (0.0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-9, atol=1e-11,
     ).y  # fmt: skip
     motion = Motion("o", "oscillator", smooth(t, z[0] + 2e-3 * rng.standard_normal(t.size), 2e-3), force)
-    result = discover([motion], rng=rng, resamples=20)
+    result = discover([motion], rng=rng, resamples=10)
     got = dict(zip(result.equation.terms, result.equation.coefficients, strict=True))
     assert set(got) == {"q", "q'", "q^3", "u"}
     for name, value in {"q": 25.0, "q'": 0.8, "q^3": 9.0, "u": 2.0}.items():
@@ -325,7 +327,7 @@ def test_the_best_subsets_are_those_of_ordinary_least_squares():
     assert all(1 not in terms for found, rss in signed for terms in found[np.isfinite(rss)])
 
 
-@pytest.mark.parametrize("draws", [4, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [2, pytest.param(10, marks=pytest.mark.slow)])
 def test_radius_law_of_the_papers_model(paper, draws):
     inside, gammas = 0, []
     for seed in range(draws):

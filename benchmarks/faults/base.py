@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -34,9 +35,14 @@ def film(start: float, seed: int, rate: float = 30.0, seconds: float = 20.0) -> 
     return pd.DataFrame({"t_s": time.round(4), "angle_deg": angle.round(4)})
 
 
+@cache
+def _text(start: float, seed: int) -> str:
+    return film(start, seed).to_csv(index=False)
+
+
 def write(folder: Path, seed: int = 0) -> Path:
     """Write the sound case into a folder, and return its rig file; another seed is other noise."""
     for name, start in (("high", 60.0), ("low", 15.0), ("middle", 35.0)):
-        film(start, 100 * seed + round(start)).to_csv(folder / f"{name}.csv", index=False)
+        (folder / f"{name}.csv").write_text(_text(start, 100 * seed + round(start)), encoding="utf-8")
     (folder / "rig.toml").write_text(RIG, encoding="utf-8")
     return folder / "rig.toml"

@@ -132,6 +132,8 @@ class MechanicsContract:
         kernel.run(*steps, *middle, *plain, *given, *left)
 
         expected = _plain_step(base, sample, drive, h)
+        if np.abs(out[0] - expected).max() < 1e-12:
+            return
         # Round-off of a stiff step grows as a small disturbance of the state does.
         disturbed = _plain_step(base, replace(sample, state=sample.state * (1 + 1e-13)), drive, h)
         allowed = 1e-12 + 100 * np.abs(disturbed - expected).max(axis=0)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
+from discovery.declarations.effect import Effect
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
@@ -52,6 +54,12 @@ def every_effect(base_name: str) -> tuple[str, ...]:
 
     What only places of declared systems have is tried on the oscillator.
     """
+    return _every_effect(base_name, tuple(catalogue().items()), base_names())
+
+
+@lru_cache(maxsize=256)
+def _every_effect(base_name: str, _known: tuple[tuple[str, Effect], ...], _bases: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the same; what is registered decides."""
     # What only a base that moves has would be nothing of its own on one that rests.
     had = {"", *(need for base in map(get_base, base_names()) if base.input_moves for need in base.has)}
     joints = [e for e, effect in catalogue().items() if effect.needs not in had] if base_name == "oscillator" else []
