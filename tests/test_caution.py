@@ -13,6 +13,7 @@ import pytest
 
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
+from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
 from discovery.estimation.fit import Fit, fit
@@ -147,3 +148,34 @@ def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
     assert "ends 25 times as large as its guess of 0.02, and" in words
     assert "state its `value` and `sd`" in words
     assert doubt(0.1) is doubt(20.0) is None
+
+
+def test_a_miss_names_the_undetermined_parameter_that_it_hangs_on(tmp_path: Path) -> None:
+    time = np.arange(0.0, 10.0, 0.05)
+    speed = 3.0 * np.exp(-0.25 * time) + 0.1 * np.random.default_rng(0).standard_normal(time.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, speed]), delimiter=",", header="t,v", comments="")
+    (tmp_path / "rig.toml").write_text(COAST.format(guess=0.4).replace("0.01 }", "0.1 }"))
+    train = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train
+    off = missed(told(20.0), left=0.1, held=0.1, least=0.3)
+    assert off is not None
+
+    def found(readings: int, drag: float = 0.0) -> Caution:
+        # Later it is slower than the law says by a `drag`.
+        later = np.where(time >= time[readings], drag, 0.0)[:, None]
+        moved = [replace(e.recording, output=e.recording.output - later) for e in train]
+        short = [replace(e, recording=r, fitted_samples=readings) for e, r in zip(train, moved, strict=True)]
+        return hung_on(off, first_fit(short, natural_units(short)))
+
+    # In 0.4 s the speed falls by a tenth.
+    about = found(8)
+    assert (about.code, about.about) == ("missed", "loss")
+    numbers = about.numbers["undetermined"]
+    assert abs(numbers["value"]) < 3 * numbers["sd"]
+    assert abs(numbers["sds"]) < 3
+    assert numbers["left"] < 0.5
+    words = caution_sentence(about.summary())
+    assert "and that hangs on loss = " in words
+    assert "which training leaves undetermined" in words
+    assert "Hold out whole recordings (--holdout), or state loss: what was refused" in words
+    # What training tells is not in doubt, wherever the held-out error comes from.
+    assert found(130) == found(130, drag=1.0) == off

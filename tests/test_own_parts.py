@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from discovery.recordings.dataset import Dataset, load_dataset
 from discovery.recordings.own_parts import bridged, release
@@ -62,6 +63,54 @@ def test_what_is_no_hold_stays_whole() -> None:
         for noise in (1e-3, 1e-2, 4e-2):
             assert release(T, motion + noise * rng.standard_normal(T.size), noise) is None
     assert release(T, swing(10.0), 0.05) == pytest.approx(1000, abs=6)
+
+
+def released(system: str, readings: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return times, positions of a release at once that goes a way of about one, and its first acceleration."""
+    duration = {"rotor": 4.0, "oscillator": 20.0}.get(system, 30.0)
+    t = duration / readings * np.arange(readings)
+    if system == "rotor":  # a constant torque against friction, dry and viscous
+        return t, -0.7 * (t - 1.0 + np.exp(-t)), 0.7
+    if system == "oscillator":
+        return t, np.exp(-0.1 * t) * (np.cos(t) + 0.1 * np.sin(t)), 1.01
+    start = np.radians(float(system))  # a pendulum, with dry friction
+    slope = lambda _, s: [s[1], -np.sin(s[0]) - 0.1 * s[1] - 0.05 * np.tanh(s[1] / 0.02)]  # noqa: E731
+    return t, solve_ivp(slope, (0.0, duration), [start, 0.0], t_eval=t, rtol=1e-8).y[0], float(np.sin(start))
+
+
+def readings_of(x: NDArray[np.float64], noise: float, rounded: bool, seed: int) -> NDArray[np.float64]:
+    rng = np.random.default_rng(seed)
+    if not rounded:
+        return np.asarray(x + noise * rng.standard_normal(x.size))
+    step = noise * np.sqrt(12.0)
+    return np.asarray(step * np.round((x + 0.2 * noise * rng.standard_normal(x.size)) / step + rng.random()))
+
+
+SYSTEMS = ["rotor", "oscillator", "20", "90", "160"]
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("readings", [60, 300, 1500])
+def test_a_release_at_once_is_never_taken_for_a_hold(system: str, readings: int) -> None:
+    t, x, _ = released(system, readings)
+    cases = [(noise, rounded, seed) for noise in (1e-4, 1e-3, 1e-2) for rounded in (0, 1) for seed in range(8)]
+    cut = [case for case in cases if release(t, readings_of(x, case[0], bool(case[1]), case[2]), case[0]) is not None]
+    assert cut == []
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("rounded", [False, True])
+@pytest.mark.parametrize("noise", [1e-4, 1e-3, 5e-3])
+def test_a_hold_longer_than_noise_hides_is_cut_at_the_release(system: str, rounded: bool, noise: float) -> None:
+    t, x, acceleration = released(system, 1500)
+    hidden = np.sqrt(2.0 * 5.0 * noise / acceleration)  # single readings do not tell a motion from none
+    for times in (4.0, 10.0, 40.0):
+        count = min(max(20, int(times * hidden / t[1])), 1200)  # of the longest, more than half is left
+        y = np.concatenate([np.full(count, x[0]), x])
+        found = [release(t[1] * np.arange(y.size), readings_of(y, noise, rounded, s), noise) for s in range(4)]
+        late = [np.inf if at is None else t[1] * (at - count) for at in found]
+        assert max(late) <= 1.5 * max(hidden, 8 * t[1]), (times, late)
+        assert min(late) >= -0.5 * count * t[1], (times, late)
 
 
 KINDS = {

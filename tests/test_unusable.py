@@ -85,6 +85,7 @@ def under(folder: Path, rig: str, inputs: list[float], start: tuple[float, float
     [
         (MOTOR, [2.0], (0.0, 0.0), 0.0),
         (MOTOR, [2.0, 1.0], (0.0, 1.5), 0.0),
+        (MOTOR, [2.0], (0.0, 0.6), 0.0),  # the recording begins when the run-up has begun
         (OSCILLATOR, [2.0], (0.0, 0.0), 20.0),
         (OSCILLATOR, [2.0, 0.0], (0.5, 0.0), 20.0),
     ],
@@ -98,6 +99,7 @@ def test_a_step_from_rest_or_inputs_of_several_sizes_tell_a_gain(tmp_path, rig, 
     ("rig", "inputs", "start", "spring"),
     [
         (MOTOR, [2.0], (0.0, 2.0), 0.0),  # steady
+        (MOTOR, [2.0], (0.0, 1.9), 0.0),  # nearly
         (MOTOR, [2.0], (0.0, 6.0), 0.0),  # a decay about a constant
         (OSCILLATOR, [2.0], (0.4, 0.0), 20.0),
         (OSCILLATOR, [2.0], (0.0, 3.0), 20.0),

@@ -54,15 +54,19 @@ class Caution:
     #: "missed" (the hold-out), and of what is left "burst" (where it lies in time), "like_noise" (of the instrument),
     #: "not_carried", "scattered".
     code: str
-    about: str = ""  # the parameter, or the recording of a burst; empty where it is about the whole answer
+    #: The parameter, or the recording of a burst; of a miss the parameter that training leaves undetermined and that it
+    #: hangs on, if there is one; empty where it is about the whole answer.
+    about: str = ""
     effect: str = ""  # the effect that was added with the parameter; empty otherwise
     #: Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
-    #: `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training; of a burst `start`,
-    #: `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like noise `ratio` and
-    #: `autocorrelation`; of what is not carried by how many times the error falls in training (`train`) and held out
-    #: (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise is `estimated`, the
-    #: `memory` of the errors (see `estimation.residual.memory`), whether it counts as none (`white`), and whether they
-    #: are those of training (`trained`).
+    #: `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training, and where it is
+    #: about a parameter `undetermined`, see `diagnosis.undetermined`: its `value`, `sd` and `unit`, whether it is a
+    #: `constant` that a rig file may state, by how many `sds` it would move, which part of the error is `left` then; of
+    #: a burst `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like
+    #: noise `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training
+    #: (`train`) and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise
+    #: is `estimated`, the `memory` of the errors (see `estimation.residual.memory`), whether it counts as none
+    #: (`white`), and whether they are those of training (`trained`).
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:

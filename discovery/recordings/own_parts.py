@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
 
 from discovery.foundation.arrays import BoolArray, FloatArray
@@ -24,9 +25,10 @@ _UNKNOWN = 0.05  # of a signal's standard deviation
 _TRIED, _BESIDE = 60, 12  # places where a gap is tried, and samples on either side of it
 _SHORTEST = 100  # readings of a part
 _HELD = 8  # readings that tell where a body is held
-_STILL, _OF_WAY = 5.0, 0.02  # noise sds, and share of the way to rest, within which it stands still
+_STILL, _OF_WAY = 5.0, 0.02  # noise sds of what is compared, and share of the way to rest, within which it stands still
 _FAR = 20.0  # noise sds from rest
-_PARTS = (0.5, 0.25, 0.125)  # of the way to rest, looked at in its place
+_TIMES = 16.0  # times as far, and twice as long as through two lags it takes to be seen
+_LONGER = 1.5  # noise moves both times: simulated releases reach 1.1, 99 of 100 simulated turns 1.4
 
 
 def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart, Recording]]:
@@ -136,11 +138,22 @@ def _lost(time: FloatArray, values: FloatArray, length: int, step: float) -> boo
 def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
     """Return the sample at which a body is let go that was held away from where it comes to rest; None if it was not.
 
-    A free motion that begins at a turning point stands nearly still there, too, and for as long as its swing says: held
-    is what stands still for longer than a motion could that turns, by half of the time that it then takes for half of
-    the way to rest. What runs on comes to no rest, and what is slow at its end comes there late: the first parts of the
-    way are looked at in the same manner, as long as noise does not hide where they begin. Readings err by `noise` at
-    times [s]; NaN are gaps.
+    Under a force that begins at its release a body goes as the square of the time, and through two lags as the fourth
+    power at most: it is seen to stand still for no longer than it then takes to go 16 times as far as noise hides. One
+    that swings through a turning point stands still there for little less than that time (0.9 of it). What stands still
+    for 1.5 times as long as the latter was held.
+
+    That is looked for from the distance that noise hides up to 2 % of the way to rest: the first that tells cuts least
+    of the motion. An acceleration that falls on the way hides a short hold at the larger ones, and disturbances hide a
+    long one at the smaller. A release from nearly upright grows more slowly: of it the readings are lost that do
+    not leave the noise. What runs on comes to no rest, and its way is that to the middle of its second half.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        Times [s], and readings in their unit; NaN are gaps.
+    noise : float
+        Standard deviation of a reading, in its unit.
     """
     good = np.flatnonzero(np.isfinite(values))
     if good.size < 4 * _HELD:
@@ -150,26 +163,31 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
     way = level - float(np.median(x[x.size // 2 :]))
     if abs(way) < _FAR * noise:
         return None
-    ways = [way, *(part * way for part in _PARTS if _OF_WAY * part * abs(way) > _STILL * noise)]
-    found = (_release(t, level - x, its, noise) for its in ways)
+    gone = (level - x) * np.sign(way)
+    coarsest, finest = _OF_WAY * abs(way), max(_STILL * noise / np.sqrt(_HELD), np.finfo(float).eps * abs(way))
+    halvings = int(np.ceil(np.log2(max(coarsest / finest, 1.0))))
+    found = (_release(t, gone, max(finest, coarsest / 2**k), noise, abs(way)) for k in range(halvings, -1, -1))
     return next((int(good[left]) for left in found if left is not None), None)
 
 
-def _release(t: FloatArray, gone: FloatArray, way: float, noise: float) -> int | None:
-    """Return the sample at which a body leaves where it is held, if it then goes a `way` to rest."""
-    still, gone = max(_STILL * noise, _OF_WAY * abs(way)), gone * np.sign(way)
-    # Two in a row: a single reading may be wild.
-    left = _first(np.abs(gone) > still)
-    half = _first(gone > 0.5 * abs(way))
-    if left is None or half is None or not _HELD <= left < half or gone[left] < 0.0:
+def _release(t: FloatArray, gone: FloatArray, still: float, noise: float, way: float) -> int | None:
+    """Return the reading at which a body leaves where it is held within `still`, if it then goes a `way` to rest."""
+    # Medians tell a smaller distance than single readings, and pass over wild ones.
+    middle, late = np.median(sliding_window_view(gone, _HELD), axis=1), _HELD // 2
+    far = min(_TIMES * still, 0.5 * way)
+    left, reached = _first(np.abs(middle) > still), _first(middle > far)
+    single = np.abs(gone) > max(still, _STILL * noise)
+    out = _first(single[:-1] & single[1:])
+    if left is None or reached is None or out is None or left >= reached or middle[left] < 0.0:
         return None
-    turned = float(np.arccos(1.0 - still / abs(way)))
-    pace = (np.arccos(0.5) - turned) / (t[half] - t[left])
-    held = t[left] - t[0] - 2.0 * turned / pace >= 0.5 * (t[half] - t[left])
-    return left if held else None
+    at = min(left + late, out)
+    # It goes by `still` to the turning point and twice as far back, at the same acceleration; times err by a reading.
+    turns = (1.0 + np.sqrt(2.0)) / (np.sqrt(1.0 + far / still) - np.sqrt(2.0))
+    taken = t[min(reached + late + 1, t.size - 1)] - t[left + late]
+    return at if at >= 2 * _HELD and t[at] - t[0] >= _LONGER * turns * taken else None
 
 
 def _first(true: BoolArray) -> int | None:
-    """Return where two in a row are true for the first time."""
-    both = np.flatnonzero(true[:-1] & true[1:])
-    return int(both[0]) if both.size else None
+    """Return where something is true for the first time."""
+    places = np.flatnonzero(true)
+    return int(places[0]) if places.size else None

@@ -155,7 +155,11 @@ def _is_constant(effect: Effect, reach: float) -> bool:
 
 
 def _drives(experiment: Experiment, level: float = 0.0) -> bool:
-    """Whether the input of a recording varies, or is a force that sets a body at rest at this level moving."""
+    """Whether the input of a recording varies, or is a force that sets a body at rest at this level moving.
+
+    Where a rate is read that nothing pulls back, so does a force under which that grows: such a recording may begin on
+    the way. A rate that hardly grows is steady, and drifts.
+    """
     r, base = experiment.recording, get_base(experiment.rig.base)
     if r.input is None or np.ptp(r.input) > 0:
         return r.input is not None
@@ -164,8 +168,12 @@ def _drives(experiment: Experiment, level: float = 0.0) -> bool:
     y = r.output[np.isfinite(r.output[:, 0]), 0] - level
     if y.size <= _BEGINNING:
         return False
-    most = float(np.max(np.abs(y)))
-    rests = float(np.median(np.abs(y[:_BEGINNING]))) < max(_AT_REST * most, _SEEN * r.noise[0])
+    most, begins = float(np.max(np.abs(y))), float(np.median(np.abs(y[:_BEGINNING])))
+    # Half of the readings are there: no single one that is wild.
+    grown = float(np.median(np.abs(y[y.size // 2 :]))) - begins
+    if base.order and base.starts == 1 and grown > max(_HARDLY * (grown + begins), _MOVES * r.noise[0]):
+        return True
+    rests = begins < max(_AT_REST * most, _SEEN * r.noise[0])
     steps = np.abs(y[_BEGINNING:] - y[:-_BEGINNING])
     # A decay about a constant begins elsewhere, or at speed; where rates are read, springs let it begin anywhere.
     tells = steps[0] < _SLOW * steps.max() if base.order == 0 else base.starts == 1

@@ -45,9 +45,18 @@ def _missed(found: Record) -> str:
     if numbers["rms"] > numbers["scatter"]:
         scatter = quoted(numbers["scatter"], numbers["unit"])
         times = f"{times}, and more than the {scatter} by which these scatter about their mean"
+    why = _hung(found) if found["about"] else f": has the rig or its payload changed, or does {other}?"
+    rms, ratio = quoted(numbers["rms"], numbers["unit"]), figures(numbers["ratio"], 2)
+    return f"the model {head} by {rms} (rms), {ratio} {times}{why}"
+
+
+def _hung(found: Record) -> str:
+    told, name = found["numbers"]["undetermined"], found["about"]
+    remedy = f"state {name}" if told["constant"] else f"declare a system without {name} (docs/YOUR_SYSTEM.md)"
     return (
-        f"the model {head} by {quoted(numbers['rms'], numbers['unit'])} (rms), {figures(numbers['ratio'], 2)} "
-        f"{times}: has the rig or its payload changed, or does {other}?"
+        f", and that hangs on {name} = {estimate_text(told['value'], told['sd'], told['unit'])}, which training leaves "
+        f"undetermined: moved by {figures(abs(told['sds']), 2)} sds it leaves {figures(100 * told['left'], 2)} % of it. "
+        f"Hold out whole recordings (--holdout), or {remedy}: what was refused for its held-out loss may be right"
     )
 
 

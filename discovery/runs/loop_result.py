@@ -14,6 +14,7 @@ from discovery.diagnosis import caution
 from discovery.diagnosis.caution import Caution, StandIn
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
+from discovery.diagnosis.undetermined import hung_on
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
@@ -144,6 +145,7 @@ class LoopResult(LoopViews):
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
         off = caution.missed(self.errors, left=error.after, held=error.held, least=error.least)
+        off = hung_on(off, self.after) if off else off
         found = [None if self.impossible else off, caution.strayed(self.after)]
         if self.added:
             found.append(caution.not_carried(self.errors))

@@ -1,0 +1,66 @@
+"""Which parameter that training leaves undetermined the error of a hold-out hangs on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from discovery.diagnosis.caution import Caution
+from discovery.estimation.covariance import Probed, simulated
+from discovery.estimation.fit import Fit
+from discovery.foundation.arrays import FloatArray
+
+#: Training does not tell a parameter within so many standard deviations of zero, and allows it to move by as many.
+_UNTOLD = 3.0
+#: An error hangs on a parameter that makes it half as large, or less.
+_HALVED = 0.5
+#: Standard deviations by which numbers are moved for derivatives.
+_APART = 0.01
+
+
+def hung_on(off: Caution, fitted: Fit) -> Caution:
+    """Return the miss of a hold-out, about the undetermined parameter that its error hangs on, if there is one.
+
+    A parameter is moved by up to three of its standard deviations, and the others with it as the covariance says, so
+    that training is explained as well; its error held out is to become half as large. Parameters that hang together all
+    do that: the one that is told worst for its size is named. That is asked of training recordings that are continued,
+    whose starts are those of training; a hold-out of its own has starts that are fitted to it.
+    """
+    slopes, left = _continued(fitted)
+    found: list[tuple[float, str, dict[str, Any]]] = []
+    sizes = np.sqrt(np.diag(fitted.covariance)) if left.size else ()
+    for k, (name, sd) in enumerate(zip(fitted.problem.free, sizes, strict=False)):
+        value = float(fitted.minimum.x[k])
+        if fitted.model.parameters[name].shape or not (0.0 < sd < np.inf and abs(value) < _UNTOLD * sd):
+            continue
+        # A number without an interval is not readjusted.
+        moved = slopes @ np.nan_to_num(fitted.covariance[:, k] / sd)
+        sds = -float(moved @ left) / max(float(moved @ moved), np.finfo(float).tiny)
+        share = float(np.linalg.norm(left + sds * moved) / np.linalg.norm(left))
+        if abs(sds) <= _UNTOLD and share <= _HALVED:
+            found.append((float(sd) / max(abs(value), np.finfo(float).tiny), name, {"sds": sds, "left": share}))
+    if not found:
+        return off
+    _, name, numbers = max(found, key=lambda each: each[0])
+    told = {key: fitted.told(name)[key] for key in ("value", "sd", "unit")}
+    told["constant"] = fitted.model.parameters[name].physical
+    return replace(off, about=name, numbers={**off.numbers, "undetermined": {**told, **numbers}})
+
+
+def _continued(fitted: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives (n, p) and residuals (n,) [noise sds] of training recordings beyond what is fitted of them."""
+    problem, x = fitted.problem, fitted.minimum.x
+    parts = [e.fitted_samples for e in problem.bench.experiments]
+    if all(part is None for part in parts):
+        return np.empty((0, x.size)), np.empty(0)
+    sd = np.sqrt(np.diag(fitted.covariance))
+    probe = Probed.around(problem, x, _APART * np.where((sd > 0) & np.isfinite(sd), sd, problem.scale))
+    with np.errstate(over="ignore", invalid="ignore"):
+        (columns,) = simulated(problem.bench, [problem], [probe])
+    beyond = [c[part:].reshape(-1, x.size + 1) for c, part in zip(columns, parts, strict=True) if part is not None]
+    rows = np.concatenate(beyond)
+    # A motion that blows up tells nothing of how far it is off.
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return rows[:, :-1], rows[:, -1]
