@@ -12,6 +12,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
 from discovery.recordings.rounding import resolution
+from discovery.recordings.timing_errors import excess_scatter
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16
@@ -204,18 +205,28 @@ def _estimates_at(time: FloatArray, values: FloatArray) -> list[float]:
 
 
 def noise_flags(
-    label: str, unit: str, time: FloatArray, values: FloatArray, stated: float, band: BandNoise | None = None
+    label: str,
+    unit: str,
+    time: FloatArray,
+    values: FloatArray,
+    stated: float,
+    *,
+    band: BandNoise | None = None,
+    jitter: float = 0.0,
 ) -> list[Flag]:
     """Tell where the scatter of readings is not the noise that the rig file states.
 
     Nothing is said of few or coarse readings, nor where the scatter is larger but may be the signal's. `band` is noise
-    that the scatter from sample to sample does not show. NaN are gaps.
+    that the scatter from sample to sample does not show; errors of time stamps by `jitter` [s] explain a part of it.
+    NaN are gaps.
     """
     estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)
     if np.isfinite(values).sum() < _FEWEST_READINGS or resolution(values, time) > _COARSE * scatter:
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
+        return []
+    if jitter > 0.0 and scatter > stated and not excess_scatter(time, values, stated, jitter) > _OTHER:
         return []
     even = not are_uneven(time[np.isfinite(values)])
     settled = band is not None or (even and estimates[-1] >= _SETTLED * estimates[-2])
