@@ -15,7 +15,6 @@ from discovery.equations.model import Model
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.residual import examine
 from discovery.recordings.drive import Drive
-from discovery.recordings.flags import UNDERSTATED
 from discovery.report.doubt_sentences import caution_sentence
 from discovery.runs.loop_result import LoopResult
 
@@ -152,7 +151,7 @@ def test_a_gap_and_a_part_that_is_held_out_hold_nothing() -> None:
 @pytest.mark.parametrize(
     ("estimated", "steps", "words"),
     [
-        (False, None, "2 times their noise of 1.41 m, though averages of what is left are noise: are the time"),
+        (False, None, "2 times their noise of 1.41 m, though averages of what is left are noise, and so no"),
         (
             True,
             None,
@@ -166,7 +165,7 @@ def test_readings_that_scatter_are_told_as_what_they_look_like(
 ) -> None:
     rng = np.random.default_rng(3)
     # Of two channels with a noise of 1 each, the distance of a reading is root two.
-    recording: Any = SimpleNamespace(noise=np.ones(2), noise_estimated=estimated, flags=())
+    recording: Any = SimpleNamespace(noise_floor=lambda used: 2**0.5, noise_estimated=estimated)
     one = rng.standard_normal(COUNT) if steps is None else remembered(1.0, steps)
     errors = np.column_stack([one, rng.standard_normal(COUNT) if steps is None else one])
     errors[: COUNT // 2] = np.nan
@@ -181,13 +180,12 @@ def test_readings_that_scatter_are_told_as_what_they_look_like(
 
 
 def test_scatter_is_told_once() -> None:
-    """A model error, a hold-out that is missed or a noise that is stated too small says the same."""
+    """A model error or a hold-out that is missed says the same."""
     after, error = fitted(np.zeros(COUNT)), SimpleNamespace(after=0.0, held=0.0, least=1.0)
 
-    def told(where: str = "inside", code: str = "", *, train: float = 1.0, held: float = 2.0, **more: Any) -> Any:
+    def told(where: str = "inside", *, train: float = 1.0, held: float = 2.0, known: bool = True, **more: Any) -> Any:
         rms = {"train": {"rms": train}, "holdout": {"rms": held}, f"holdout_{where}": {"rms": held}}
-        flags = [SimpleNamespace(code=code)]
-        recording = SimpleNamespace(noise=np.ones(1), noise_estimated=False, flags=flags)
+        recording = SimpleNamespace(noise_floor=lambda used: 1.0, noise_estimated=not known)
         errors = {"unit": "m", "noise_floor": 1.0, "holdout_scatter": 9.0, "after": rms}
         plain = {"errors": errors, "complete": True, "impossible": True}
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
@@ -199,8 +197,13 @@ def test_scatter_is_told_once() -> None:
         return [found.code for found in told(*args, **more)]
 
     assert codes() == ["scattered"]
-    assert codes(code=UNDERSTATED) == codes(complete=False) == []
+    assert codes(complete=False) == []
     assert codes("outside", impossible=False) == ["missed"]
     assert codes(held=1.0) == []
     (disturbed,) = told(train=4.0, held=1.0)
     assert caution_sentence(disturbed.summary()).startswith("training readings lie 4 m (rms) from the model, 4 times")
+    # Far nearer than a noise that nobody stated, it was estimated too high; one that is stated may be.
+    assert codes(train=0.6, held=0.6) == codes(train=0.7, held=0.7, known=False) == []
+    (nearer,) = told(train=0.6, held=0.6, known=False)
+    said = caution_sentence(nearer.summary())
+    assert said.startswith("held-out readings lie 0.6 m (rms) from the model, 1.7 times less than their estimated")

@@ -205,6 +205,23 @@ def test_noise_is_estimated_at_uneven_times(seed):
     assert estimate_noise(values) > 2.5e-3
 
 
+@pytest.mark.parametrize("count", [40, 300, 3000])
+def test_the_estimate_of_white_noise_does_not_change_for_the_calmer_fits(count):
+    rng = np.random.default_rng(7)
+    swings = 50.0 * np.sin(2 * np.pi * np.arange(count) / 60.0)
+    found = [estimate_noise(swings + rng.standard_normal(count)) for _ in range(100)]
+    # The smallest of seven estimates is a little small, the more so for few readings.
+    assert np.mean(found) == pytest.approx({40: 0.89, 300: 0.97, 3000: 0.99}[count], abs=0.05)
+
+
+def test_noise_that_alternates_is_not_estimated_above_its_scatter():
+    rng = np.random.default_rng(8)
+    step = 700.0 * (1.0 - np.exp(-np.arange(300) / 8.0))
+    alternating = np.where(np.arange(300) % 2 == 0, 19.0, -19.0) * np.sign(rng.random(300) - 0.1)
+    assert estimate_noise(step + alternating) == pytest.approx(19.0, rel=0.15)
+    assert estimate_noise(step + rng.normal(0.0, 19.0, 300)) == pytest.approx(19.0, rel=0.15)
+
+
 def test_noise_of_an_unstated_rig_is_marked(tmp_path):
     frame = swing(1000)
     frame[["tip_x_m", "tip_y_m"]] += np.random.default_rng(2).normal(0.0, 1e-3, (1000, 2))

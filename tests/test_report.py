@@ -243,6 +243,8 @@ def test_a_model_error_that_shows_held_out_alone_is_told(tmp_path: Path) -> None
     # Where the evidence for any is weak, one above what counts as none held out is not said to lie below it.
     complete = {**results["loop"], "verdict": "explained"}
     assert model_error_words(complete).endswith("; it cannot be told from none")
+    # What counts as none depends on nothing.
+    assert "depends on" not in model_error_words(complete)
     complete["model_error"] = {**complete["model_error"], "held": 4e-5}
     assert model_error_words(complete).endswith("counts as none")
 

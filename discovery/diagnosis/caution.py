@@ -18,7 +18,6 @@ from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
-from discovery.recordings.flags import UNDERSTATED
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
 from discovery.rigs.quantities import QUANTITIES
@@ -52,7 +51,7 @@ class Caution:
 
     #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
     #: "missed" (the hold-out), and of what is left "burst" (where it lies in time), "like_noise" (of the instrument),
-    #: "not_carried", "scattered".
+    #: "not_carried", "scattered", "quiet".
     code: str
     #: The parameter, or the recording of a burst; of a miss the parameter that training leaves undetermined and that it
     #: hangs on, if there is one; empty where it is about the whole answer.
@@ -66,7 +65,8 @@ class Caution:
     #: noise `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training
     #: (`train`) and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise
     #: is `estimated`, the `memory` of the errors (see `estimation.residual.memory`), whether it counts as none
-    #: (`white`), and whether they are those of training (`trained`).
+    #: (`white`), and whether they are those of training (`trained`); of quiet ones `rms`, `unit`, `noise`, its `ratio`
+    #: to it, and `trained`.
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
@@ -201,14 +201,13 @@ def scattered(
 ) -> Caution | None:
     """Return that held-out readings, or those of training, lie farther off than their noise; None where they do not.
 
-    `left` holds what the final model leaves of each such recording, shape (n, c): NaN where it does not count. A stated
-    noise that is too small says the same of a recording.
+    `left` holds what the final model leaves of each such recording, shape (n, c): NaN where it does not count. Errors
+    of time stamps belong to the noise. That the readings scatter by more than the noise that is stated says nothing of
+    what a model leaves.
     """
-    if any(flag.code == UNDERSTATED for recording, _ in left for flag in recording.flags):
-        return None
     rms = errors["after"]["train"]["rms"] if trained else judged_rms(errors)
     # The error is a distance over all channels, and recordings may differ in their noise.
-    floor = max((float(np.linalg.norm(recording.noise)) for recording, _ in left), default=math.inf)
+    floor = max((recording.noise_floor(np.isfinite(part)) for recording, part in left), default=math.inf)
     if not SCATTERED * floor < rms < math.inf:
         return None
     length = float(np.mean([memory(c[np.isfinite(c)]) for _, part in left for c in part.T]))
@@ -216,6 +215,21 @@ def scattered(
     estimated = any(recording.noise_estimated for recording, _ in left)
     told = {"estimated": estimated, "white": length < _WHITE, "trained": trained}
     return Caution("scattered", numbers={**numbers, **told})
+
+
+def quiet(
+    errors: Mapping[str, Any], left: Sequence[tuple[Recording, FloatArray]], *, trained: bool = False
+) -> Caution | None:
+    """Return that a model misses readings by far less than a noise that was estimated; None where it does not.
+
+    See `scattered` for the arguments.
+    """
+    rms = errors["after"]["train"]["rms"] if trained else judged_rms(errors)
+    floor = min((recording.noise_floor(np.isfinite(part)) for recording, part in left), default=0.0)
+    if not (0.0 < SCATTERED * rms < floor and all(recording.noise_estimated for recording, _ in left)):
+        return None
+    numbers = {"rms": rms, "unit": errors["unit"], "ratio": floor / rms, "noise": floor, "trained": trained}
+    return Caution("quiet", numbers=numbers)
 
 
 @dataclass(frozen=True)

@@ -127,9 +127,12 @@ class HoldOut:
 
     @property
     def noise_floor(self) -> float:
-        """Rms error that a perfect model leaves of the held-out recordings, in the unit of the output."""
+        """Rms error that a perfect model leaves of the held-out recordings, in the unit of the output.
+
+        It holds what errors of the time stamps add.
+        """
         recordings = [e.recording for e in self.experiments]
-        variances = [np.sum(np.square(r.noise)) for r in recordings]
+        variances = [r.noise_floor(np.isfinite(o)) ** 2 for r, o in zip(recordings, self.outputs(), strict=True)]
         return float(np.sqrt(np.average(variances, weights=[r.time.size for r in recordings])))
 
     def outputs(self) -> list[FloatArray]:

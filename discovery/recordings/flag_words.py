@@ -18,7 +18,7 @@ _STATED = (
 )
 #: Words of a stated noise that the scatter contradicts, after the scatter itself.
 NOISE = {
-    UNDERSTATED: _STATED + "If that is too small, the rest of the noise looks like something missing.",
+    UNDERSTATED: _STATED + "If that is too small, the rest of the noise may be taken for something missing.",
     OVERSTATED: _STATED
     + "If that is too large, small effects stay unseen; if the readings were smoothed, take raw ones.",
 }
@@ -193,6 +193,13 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "note",
         "Readings scatter more where they move fast, as if their time stamps erred by {jitter:.2g} s (of a step of "
         "{step:.3g} s): slope times that is added to their noise. State it, time = {{ ..., jitter = ... }}, if known.",
+    ),
+    "times_err": (
+        "doubt",
+        "Readings scatter the more, the faster they move, as if each were taken {jitter:unit2} (sd) from its stamp, "
+        "though the stamps are steady (a step of {step:unit}): so do frames of a film that are written out at another "
+        "rate. Slope times that is added to their noise. Give the times at which readings were really taken; or state "
+        "the error, time = {{ ..., jitter = {entry:g} }}, where you know it.",
     ),
     "noise_alike": (
         "note",

@@ -11,7 +11,9 @@ import numpy.typing as npt
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
+from discovery.recordings.local_fits import CALMER, SLOWEST, misses
 from discovery.recordings.rounding import resolution
+from discovery.recordings.timing_errors import excess_scatter
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16
@@ -36,6 +38,8 @@ _INSIDE = 0.3
 _FEWEST_READINGS = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
+_SURE = 4.0  # standard deviations
+_FAR, _KEPT = 3.0, 0.9733  # sds beyond which values count as so many, and what is left of Gaussian variance
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
 
 
@@ -152,12 +156,36 @@ def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
     Gaussian) does not see steps and outliers; the smallest estimate is the one that holds least of the signal. Where
     steps are uneven, plain differences keep some of the slope: there divided ones are taken beside them. Both are,
     because a stamp may err where the samples were steady. Without times, samples are equally spaced; NaN are skipped.
+    Differences amplify errors that alternate from one sample to the next. Local fits through more samples than they
+    need do not: where these scatter less, beyond chance, errors do alternate, and theirs is the estimate.
     The estimate is 0 for a signal without noise, NaN with fewer than 18 samples.
     """
     estimates = _estimates(values)
     if time is not None and are_uneven(good := time[np.isfinite(values)]):
         estimates += _estimates_at(good, values[np.isfinite(values)])
-    return min(estimates, default=float("nan"))
+    return _calmed(values, min(estimates, default=float("nan")))
+
+
+def _calmed(values: FloatArray, differences: float) -> float:
+    """Return the estimate of local fits where it is below that of differences beyond chance, otherwise the latter."""
+    good = values[np.isfinite(values)]
+    # A standard deviation from a median deviation is known to 0.8 sqrt(2 / n) of itself.
+    below = (1.0 - _SURE * 0.8 * np.sqrt(2.0 / max(good.size, 1))) * differences
+    if not below > 0.0:
+        return differences
+    fits = [misses(good, *fit) for fit in CALMER + SLOWEST if good.size >= 2 * fit[1]]
+    calm = min((_scatter(missed) for missed in fits), default=differences)
+    return calm if calm < below else differences
+
+
+def _scatter(values: FloatArray) -> float:
+    """Return the standard deviation of values, some of which are wild: by their median deviation, or by their squares.
+
+    The former is that of Gaussian ones, and too large for those that jump between two readings.
+    """
+    middle = np.abs(values - np.median(values))
+    usual = float(1.4826 * np.median(middle))
+    return min(usual, float(np.sqrt(np.mean(np.minimum(middle, _FAR * usual) ** 2) / _KEPT)))
 
 
 def white_noise(values: FloatArray) -> float | None:
@@ -204,18 +232,28 @@ def _estimates_at(time: FloatArray, values: FloatArray) -> list[float]:
 
 
 def noise_flags(
-    label: str, unit: str, time: FloatArray, values: FloatArray, stated: float, band: BandNoise | None = None
+    label: str,
+    unit: str,
+    time: FloatArray,
+    values: FloatArray,
+    stated: float,
+    *,
+    band: BandNoise | None = None,
+    jitter: float = 0.0,
 ) -> list[Flag]:
     """Tell where the scatter of readings is not the noise that the rig file states.
 
     Nothing is said of few or coarse readings, nor where the scatter is larger but may be the signal's. `band` is noise
-    that the scatter from sample to sample does not show. NaN are gaps.
+    that the scatter from sample to sample does not show; errors of time stamps by `jitter` [s] explain a part of it.
+    NaN are gaps.
     """
     estimates = _estimates(values) if band is None else [band.sd]
-    scatter = min(estimates, default=0.0)
+    scatter = _calmed(values, min(estimates)) if band is None and estimates else min(estimates, default=0.0)
     if np.isfinite(values).sum() < _FEWEST_READINGS or resolution(values, time) > _COARSE * scatter:
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
+        return []
+    if jitter > 0.0 and scatter > stated and not excess_scatter(time, values, stated, jitter) > _OTHER:
         return []
     even = not are_uneven(time[np.isfinite(values)])
     settled = band is not None or (even and estimates[-1] >= _SETTLED * estimates[-2])

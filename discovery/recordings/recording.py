@@ -11,19 +11,19 @@ import numpy as np
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
-from discovery.foundation.arrays import FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.file_signals import ARM_STEMS, Signals
 from discovery.recordings.flags import Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
+from discovery.recordings.jitter import jitter_of
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
 from discovery.recordings.rounding import quantum, resolution
-from discovery.recordings.time_stamps import estimate_jitter, on_its_clock, scatter
+from discovery.recordings.time_stamps import on_its_clock, scatter
 from discovery.recordings.turns import join_turns
 from discovery.recordings.unit_mistakes import check_units
 from discovery.rigs.rig import ForceView, Rig
@@ -98,6 +98,13 @@ class Recording(RecordingViews):
         """Standard deviation of each reading, shape (n, c): its noise, and what the error of its stamp adds."""
         return scatter(self.time, self.output, self.noise, self.jitter)
 
+    def noise_floor(self, used: BoolArray | None = None) -> float:
+        """Return the rms distance, over all channels, of readings from a perfect model, of those `used` (n, c)."""
+        rows = (np.isfinite(self.output) if used is None else used).any(axis=1)
+        if self.jitter == 0.0 or not rows.any():
+            return float(np.linalg.norm(self.noise))
+        return float(np.sqrt(np.square(self.scatter[rows]).sum(axis=1).mean()))
+
     @cached_property
     def steps(self) -> FloatArray:
         """Step to which each channel is rounded, shape (c,), in its unit; 0 where it is not."""
@@ -164,7 +171,7 @@ def read_recording(
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, bands, more = _cleaned(rig, found, stated)
     check_signals(found, rig.traits.fewest)
-    jitter, told = _jitter(rig, found, noise)
+    jitter, told = _timed(rig, found, noise, stated, bands)
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
@@ -226,20 +233,20 @@ def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[
             flags.append(Flag("noise_alike", name, unit, {"scatter": scatter, **asdict(band)}))
         values, told = clean_output(name, unit, found.time, values, noise[-1], returns, given=given, rate=rate)
         found.outputs[channel] = values
-        flags += told if known is None else told + noise_flags(name, unit, found.time, values, known, band)
+        flags += told
     return noise, bands, flags
 
 
-def _jitter(rig: Rig, found: Signals, noise: Sequence[float]) -> tuple[float, list[Flag]]:
-    """Return by how much stamps err [s], told where nobody stated it; a filtered force does not feel it."""
-    if rig.view is not None or not found.outputs:
-        return 0.0, []
-    if rig.columns.time.jitter is not None:
-        return rig.columns.time.jitter, []
-    read = np.column_stack([found.outputs[channel] for channel in found.channels])
-    jitter = estimate_jitter(found.time, read, np.array(noise))
-    numbers = {"jitter": jitter, "step": median_step(found.time)}
-    return jitter, [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 else []
+def _timed(
+    rig: Rig, found: Signals, noise: list[float], stated: Sequence[float | None], bands: Bands
+) -> tuple[float, list[Flag]]:
+    """Return by how much stamps err [s], and tell it, and where scatter is not the noise that is stated with that."""
+    jitter, flags = jitter_of(rig, found, noise, stated)
+    for channel, known, band in zip(found.channels, stated, bands, strict=True):
+        if known is not None and channel in found.outputs:
+            label, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
+            flags += noise_flags(label, unit, found.time, values, known, band=band, jitter=jitter)
+    return jitter, flags
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:

@@ -48,18 +48,22 @@ def stamp_deviation(time: FloatArray) -> float:
     return float(np.std(near) / np.sqrt(2.0)) if near.size > 1 else 0.0
 
 
+def is_steady(time: FloatArray) -> bool:
+    """Return whether stamps lie on a steady clock: rounded ones deviate by far less than is seen in any reading."""
+    return stamp_deviation(time) < _ROUNDED * median_step(time)
+
+
 def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> float:
     """Estimate by how much stamps err [s], from how much more readings scatter where they move fast; see `scatter`.
 
     Stamps that deviate from a steady clock may be right, for then the samples were not steady, or err. They err where
     a reading lies off the cubic through its neighbours by more in the fastest third of a recording than in the
     slowest, beyond chance; they err by no more than they deviate. The estimate is the median of the channels, zero for
-    steady stamps, and for those that do not seem to err.
+    those that do not seem to err, and for steady stamps: see `discovery.recordings.timing_errors`.
     """
-    most = stamp_deviation(time)
-    # Rounded stamps deviate as well, and by far less than would be seen in any reading.
-    if most < _ROUNDED * median_step(time):
+    if is_steady(time):
         return 0.0
+    most = stamp_deviation(time)
     return min(most, float(np.median([_of_channel(time, c, sd) for c, sd in zip(output.T, noise, strict=True)])))
 
 

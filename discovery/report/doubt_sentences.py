@@ -55,8 +55,8 @@ def _hung(found: Record) -> str:
     remedy = f"state {name}" if told["constant"] else f"declare a system without {name} (docs/YOUR_SYSTEM.md)"
     return (
         f", and that hangs on {name} = {estimate_text(told['value'], told['sd'], told['unit'])}, which training leaves "
-        f"undetermined: moved by {figures(abs(told['sds']), 2)} sds it leaves {figures(100 * told['left'], 2)} % of it. "
-        f"Hold out whole recordings (--holdout), or {remedy}: what was refused for its held-out loss may be right"
+        f"undetermined: moved by {figures(abs(told['sds']), 2)} sds it leaves {figures(100 * told['left'], 2)} % of "
+        f"it. Hold out whole recordings (--holdout), or {remedy}: what was refused for its held-out loss may be right"
     )
 
 
@@ -75,14 +75,16 @@ def _times(fall: float) -> str:
     return f"{figures(fall, 2)} times smaller" if fall >= 1 else f"{figures(1 / fall, 2)} times larger"
 
 
+def _off(numbers: Record, than: str) -> str:
+    """Return how far readings lie from a model, and beside their noise."""
+    (rms, noise), ratio = (quoted(numbers[k], numbers["unit"]) for k in ("rms", "noise")), figures(numbers["ratio"], 2)
+    which = "training" if numbers.get("trained") else "held-out"
+    return f"{which} readings lie {rms} (rms) from the model, {ratio} times {than} noise of {noise}"
+
+
 def _scattered(found: Record) -> str:
     numbers = found["numbers"]
-    which, source = "training" if numbers.get("trained") else "held-out", "estimated " if numbers["estimated"] else ""
-    rms, noise = (quoted(numbers[k], numbers["unit"]) for k in ("rms", "noise"))
-    head = (
-        f"{which} readings lie {rms} (rms) from the model, {figures(numbers['ratio'], 2)} times their {source}noise of "
-        f"{noise}"
-    )
+    head = _off(numbers, "their estimated" if numbers["estimated"] else "their")
     if not numbers["white"]:
         return (
             f"{head}, and errors last over several readings: it is no noise of single readings, even where the model "
@@ -94,9 +96,14 @@ def _scattered(found: Record) -> str:
             "are as wide as what is left asks for; state the noise of a reading in the rig file"
         )
     return (
-        f"{head}, though averages of what is left are noise: are the time stamps off, are there spikes, was it "
-        "disturbed for a while, or is the noise larger?"
+        f"{head}, though averages of what is left are noise, and so no model error: are the time stamps off, are there "
+        "spikes, was it disturbed for a while, or is the noise larger?"
     )
+
+
+def _quiet(found: Record) -> str:
+    advice = "it was estimated too high, and small effects stay unseen. State the noise of a reading in the rig file"
+    return f"{_off(found['numbers'], 'less than their estimated')}: {advice}"
 
 
 _SENTENCES: Mapping[str, Callable[[Record], str]] = {
@@ -121,6 +128,7 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         f"{_times(found['numbers']['held'])} held out: it may describe these training recordings only"
     ),
     "scattered": _scattered,
+    "quiet": _quiet,
 }
 
 

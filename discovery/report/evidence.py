@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
-from discovery.report.sentences import chances, probability_words, share_words
+from discovery.report.sentences import AS_NONE, chances, probability_words, share_words
 from discovery.report.story import blows_up, fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose
@@ -181,7 +181,8 @@ def model_error_table(run: Run) -> Table:
     scale = scale_for(error["unit"], max((error[k] or 0.0 for k in sizes), default=0.0))
     cells = [[text, scale.text(error[key]), scale.symbol] for key, text in sizes.items()]
     cells.append(["part that is left", share_words(error) or MISSING, ""])
-    cells.append(["depends on", listed(map(effect_name, error["depends_on"])) or "nothing that was recorded", ""])
+    if run.loop["verdict"] not in AS_NONE:
+        cells.append(["depends on", listed(map(effect_name, error["depends_on"])) or "nothing that was recorded", ""])
     raw = [[key, error[key], error["unit"]] for key in sizes]
     raw += [["share", error["share"], "1"], ["depends_on", "; ".join(error["depends_on"]), ""]]
     caption = (

@@ -231,15 +231,23 @@ def _nats(value: float | None) -> str:
     return f"{plain(value)} nats"
 
 
+#: Verdicts by which a model error counts as none.
+AS_NONE = ("nothing_missing", "explained")
+
+
 def model_error_words(loop: Record) -> str:
-    """Return the model error before and after, the part that is left, what it depends on, and what counts as none."""
+    """Return the model error before and after, the part that is left, what it depends on, and what counts as none.
+
+    One that counts as none depends on nothing.
+    """
     error = loop["model_error"]
     (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
     words = (after if before == after else f"{before} -> {after}") + f" {unit}".rstrip()
     words += f", {share_words(error)} is left" if before != after and share_words(error) else ""
-    hidden = loop["verdict"] in ("nothing_missing", "explained") and not _is_small(error)
+    none = loop["verdict"] in AS_NONE
+    hidden = none and not _is_small(error)
     limit = "it cannot be told from none" if hidden else f"up to {least} {unit}".strip() + " counts as none"
-    return f"{words}{held_words(error)}{depends_words(error)}; {limit}"
+    return f"{words}{held_words(error)}{'' if none else depends_words(error)}; {limit}"
 
 
 def share_words(error: Record) -> str:

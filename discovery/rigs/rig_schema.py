@@ -59,8 +59,8 @@ class TimeTable(Table):
     )
     jitter: Annotated[FiniteFloat, Field(ge=0)] | None = Field(
         default=None,
-        description="Standard deviation of the error of a time stamp. Left out, it is estimated where the stamps "
-        "deviate from a steady clock; 0 takes them as right. A table `[view]` takes them as right, too.",
+        description="Standard deviation of the error of a time stamp. Left out, it is estimated from readings "
+        "that scatter more where they move fast; 0 takes the stamps as right. A table `[view]` does so, too.",
     )
 
 

@@ -57,7 +57,7 @@ class FailedLoop:
             "effects": [],
             "errors": {
                 "unit": recording.units[0],
-                "noise_floor": float(np.sqrt(np.sum(np.square(recording.noise)))),
+                "noise_floor": recording.noise_floor(),
                 **dict.fromkeys(("before", "after"), infinite),
             },
             "model_error": {**error, "least": 0.0, "held": error["after"], "depends_on": []},

@@ -156,8 +156,9 @@ class LoopResult(LoopViews):
             found.append(caution.burst(self.after) or alike)
         # A model error is said, and so is a hold-out that is missed.
         if self.complete and found[0] is None:
-            told = (caution.scattered(self.errors, self._left(trained=t), trained=t) for t in (False, True))
-            found.append(next((c for c in told if c is not None), None))
+            for judge in (caution.scattered, caution.quiet):
+                told = (judge(self.errors, self._left(trained=t), trained=t) for t in (False, True))
+                found.append(next((c for c in told if c is not None), None))
         return [*caution.at_edges(self.after, self.added), *(c for c in found if c is not None)]
 
     def _left(self, *, trained: bool) -> list[tuple[Recording, FloatArray]]:

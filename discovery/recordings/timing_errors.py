@@ -1,0 +1,149 @@
+"""Readings that were taken at other times than steady stamps say: they scatter the more, the faster they move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from discovery.foundation.arrays import FloatArray
+from discovery.foundation.sampling import gaps, median_step
+from discovery.recordings.local_fits import CALMER, DIFFERENCES, LONGEST, miss_weights, misses, slopes
+
+_FEWEST = 200  # readings, fewer scatter too little to tell their noise from errors of timing
+_SURE = 4.0  # standard deviations
+_ALIKE = 1.5  # ratio of noises that differ
+_FAR, _KEPT = 3.0, 0.9733  # a miss beyond so many sds counts as one of as many, which keeps this of Gaussian variance
+_ROUNDS = 50
+_TINY = 1e-6  # of the variance, which any reading has
+
+
+@dataclass(frozen=True)
+class TimingError:
+    """Errors of the times at which the readings of one channel were taken."""
+
+    sd: float  # standard deviation of these times [s]
+    noise: float  # standard deviation of a reading that does not move, in its unit; the most, where it is not sure
+
+
+@dataclass(frozen=True)
+class _Variance:
+    """Variance of misses, ``still + timing * speed^2``, with standard deviations, as one kind of local fit shows it."""
+
+    still: float
+    still_sd: float
+    timing: float
+    timing_sd: float
+
+    def at(self, speed: FloatArray) -> FloatArray:
+        """Return the variance at squared speeds."""
+        return self.still + self.timing * speed
+
+
+@dataclass(frozen=True)
+class _Law:
+    """The variance that one kind of local fit shows, and whether its misses are as errors of timing make them."""
+
+    variance: _Variance
+    rms: float  # of the misses
+    timely: bool
+
+
+def timing_error(time: FloatArray, channel: FloatArray, least: float) -> TimingError | None:
+    """Find errors in the times of readings (n,) at steady stamps (n,) [s]; None where there are none.
+
+    `least` is what readings err by at rest, at the least: their rounding, or the noise that is stated.
+
+    A reading that was taken at another time misses its neighbours by slope times that. So does one of a motion that is
+    sampled too coarsely to be followed, or by an encoder that rounds. Errors of timing are told from both: polynomials
+    of any degree and length find the same size, misses grow as the speed does throughout, and where the motion is
+    fast they are more than all else, of most readings.
+    """
+    if np.isfinite(channel).sum() < _FEWEST:
+        return None
+    values = _apart(time, channel)
+    laws: list[_Law] = []
+    for fit in DIFFERENCES + CALMER:
+        law = _law(*_missed(values, median_step(time), fit), least)
+        if law is None or not law.timely:
+            return None
+        laws.append(law)
+    sizes = [law.variance.timing for law in laws]
+    if max(sizes) > _ALIKE**2 * min(sizes):
+        return None
+    # That which holds least of the motion, and amplifies least what alternates.
+    best = min(laws, key=lambda law: law.rms)
+    still = float(np.median([max(law.variance.still, law.variance.still_sd) for law in laws]))
+    return TimingError(float(np.sqrt(best.variance.timing)), float(np.sqrt(max(still, least**2))))
+
+
+def excess_scatter(time: FloatArray, channel: FloatArray, noise: float, jitter: float) -> float:
+    """Return how many times as far readings (n,) scatter as their noise and the jitter of steady stamps [s] explain.
+
+    It is the smallest of all local fits; NaN with too few readings.
+    """
+    values = _apart(time, channel)
+    found = [float("inf")]
+    for fit in DIFFERENCES + CALMER:
+        missed, speed = _missed(values, median_step(time), fit)
+        if missed.size >= _FEWEST // 2:
+            found.append(_spread(missed / np.sqrt(noise**2 + jitter**2 * speed)))
+    return min(found) if len(found) > 1 else float("nan")
+
+
+def _apart(time: FloatArray, channel: FloatArray) -> FloatArray:
+    """Return readings with NaN where samples are missing, so many that no fit reaches across."""
+    return np.insert(channel, np.repeat(np.flatnonzero(gaps(time)) + 1, LONGEST), np.nan)
+
+
+def _missed(values: FloatArray, step: float, fit: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+    """Return by how much readings miss a local fit, (m,), and the mean squared speed that counts in each miss, (m,)."""
+    missed = misses(values, *fit)
+    speed = np.convolve(slopes(values, step) ** 2, miss_weights(*fit) ** 2, "valid")
+    good = np.isfinite(missed) & np.isfinite(speed)
+    return missed[good], speed[good]
+
+
+def _law(missed: FloatArray, speed: FloatArray, least: float) -> _Law | None:
+    """Return what misses say of noise and timing; None where they are few, or most of readings and motion are none."""
+    spread = _spread(missed) if missed.size >= _FEWEST // 2 else 0.0
+    if spread == 0.0 or np.median(speed) == 0.0:
+        return None
+    found = _fitted(missed, speed, max(least**2, _TINY * spread**2))
+    standard = np.clip(missed / np.sqrt(found.at(speed)), -_FAR, _FAR)
+    by_speed = np.array_split(np.argsort(speed), 3)
+    thirds = [standard[part] for part in by_speed]
+    sizes = [float(np.sqrt(np.mean(third**2))) for third in thirds]
+    timely = (
+        found.timing > _SURE * found.timing_sd
+        and max(sizes) < _ALIKE * min(sizes)
+        and found.timing * float(np.median(speed[by_speed[-1]])) > found.still
+        # A clock that was late a few times says nothing of all other readings.
+        and sizes[-1] < _ALIKE * _spread(thirds[-1])
+    )
+    return _Law(found, float(np.sqrt(np.minimum(missed**2, (_FAR * spread) ** 2).mean())), bool(timely))
+
+
+def _fitted(missed: FloatArray, speed: FloatArray, floor: float) -> _Variance:
+    """Fit the variance of misses by least squares of their squares, weighted by the variances found, again and again.
+
+    That of readings at rest is no smaller than `floor`.
+    """
+    scale, still = float(np.median(speed)), max(0.5 * _spread(missed) ** 2, floor)
+    x, timing = speed / scale, 0.5 * _spread(missed) ** 2
+    for _ in range(_ROUNDS):
+        variance = still + timing * x
+        squares, w = np.minimum(missed**2, _FAR**2 * variance) / _KEPT, variance**-2.0
+        one, by, twice = float(w.sum()), float(w @ x), float(w @ x**2)
+        sums, by_sums = float(w @ squares), float((w * x) @ squares)
+        timing = max((one * by_sums - by * sums) / (one * twice - by**2), 0.0)
+        still = (sums - timing * by) / one
+        if still < floor:
+            still, timing = floor, max((by_sums - floor * by) / twice, 0.0)
+    sds = (float(np.sqrt(2.0 / (a - by**2 / b))) for a, b in ((one, twice), (twice, one)))
+    return _Variance(still, next(sds), timing / scale, next(sds) / scale)
+
+
+def _spread(values: FloatArray) -> float:
+    """Return the standard deviation of Gaussian values about zero, some of which are wild."""
+    return 1.4826 * float(np.median(np.abs(values)))
