@@ -357,8 +357,9 @@ def filmed(film: Film, tmp_path_factory: pytest.TempPathFactory) -> tuple[Said, 
 def test_a_loop_ends_with_what_doubts_it_and_what_judged(filmed: tuple[Said, Path]) -> None:
     said, _ = filmed
     assert said.status == 0, said.err
-    (doubt,) = [line for line in said.out.splitlines() if line.startswith("doubt: ")]
-    assert re.fullmatch(r"doubt: film: 'a' scatters by 0\.\d+ deg beside .* a noise of 0\.1 deg, .*", doubt)
+    stated, left = [line for line in said.out.splitlines() if line.startswith("doubt: ")]
+    assert re.fullmatch(r"doubt: film: 'a' scatters by 0\.\d+ deg beside .* a noise of 0\.1 deg, .*", stated)
+    assert re.fullmatch(r"doubt: .* readings lie .* from the model, .* times their noise of .*", left)
     assert "\nholdout: the last third of each training recording, continued; its motion is " in said.out
 
 

@@ -22,7 +22,7 @@ from discovery.estimation.fit import Fit, fit
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report, figures
 from discovery.report.ambiguity import draw_manoeuvres
-from discovery.report.doubt_sentences import separation_sentence
+from discovery.report.manoeuvre_sentences import separation_sentence
 from discovery.simulation.simulate import Simulator
 
 PAIR = ("coulomb_friction", "quadratic_drag")

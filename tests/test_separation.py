@@ -39,7 +39,7 @@ from discovery.foundation.errors import InputError
 from discovery.recordings.experiment import Experiment
 from discovery.report import build_report, figures
 from discovery.report.ambiguity import draw_manoeuvres
-from discovery.report.doubt_sentences import separation_sentence
+from discovery.report.manoeuvre_sentences import separation_sentence
 from discovery.rigs.rig import Rig
 from discovery.runs.around_search import separations, told_apart
 from discovery.runs.loop_files import write_loop

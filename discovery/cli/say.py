@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
-    from discovery.report.doubt_sentences import contradiction_sentences, separation_sentence
+    from discovery.report.doubt_sentences import contradiction_sentences
+    from discovery.report.manoeuvre_sentences import separation_sentence
     from discovery.report.sentences import lead_sentence, model_error_words
 
     content = result.summary()

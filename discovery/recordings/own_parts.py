@@ -28,7 +28,7 @@ _HELD = 8  # readings that tell where a body is held
 _STILL, _OF_WAY = 5.0, 0.02  # noise sds of what is compared, and share of the way to rest, within which it stands still
 _FAR = 20.0  # noise sds from rest
 _TIMES = 16.0  # times as far, and twice as long as through two lags it takes to be seen
-_LONGER = 1.5  # noise moves both times: simulated releases reach 1.1, 99 of 100 simulated turns 1.4
+_LONGER = 1.5  # noise moves both times: simulated releases reach 1.1, 99 of 100 turns of a swing 1.4
 
 
 def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart, Recording]]:

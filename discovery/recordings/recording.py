@@ -99,7 +99,14 @@ class Recording(RecordingViews):
         return scatter(self.time, self.output, self.noise, self.jitter)
 
     def noise_floor(self, used: BoolArray | None = None) -> float:
-        """Return the rms distance, over all channels, of readings from a perfect model, of those `used` (n, c)."""
+        """Return the rms distance, over all channels, of readings from a perfect model, of those `used` (n, c).
+
+        Examples
+        --------
+        >>> from discovery import load_dataset
+        >>> load_dataset("datasets/spring_bench/rig.toml").train[0].recording.noise_floor()  # m
+        5e-05
+        """
         rows = (np.isfinite(self.output) if used is None else used).any(axis=1)
         if self.jitter == 0.0 or not rows.any():
             return float(np.linalg.norm(self.noise))

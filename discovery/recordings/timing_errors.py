@@ -105,9 +105,9 @@ def _missed(values: FloatArray, step: float, fit: tuple[int, int]) -> tuple[Floa
 
 
 def _law(missed: FloatArray, speed: FloatArray, least: float) -> _Law | None:
-    """Return what misses say of noise and timing; None where they are few, or most of readings and motion are none."""
+    """Return what misses say of noise and timing; None where they are few, most are none, or the speed is one."""
     spread = _spread(missed) if missed.size >= _FEWEST // 2 else 0.0
-    if spread == 0.0 or np.median(speed) == 0.0:
+    if spread == 0.0 or not np.ptp(speed) > _TINY * np.median(speed) > 0.0:
         return None
     found = _fitted(missed, speed, max(least**2, _TINY * spread**2))
     standard = np.clip(missed / np.sqrt(found.at(speed)), -_FAR, _FAR)

@@ -8,15 +8,9 @@ from typing import Any
 import numpy as np
 
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
-from discovery.report.doubt_sentences import (
-    caution_sentence,
-    contradiction_sentences,
-    laws_apart,
-    laws_of,
-    separation_sentence,
-    stand_in_sentence,
-)
+from discovery.report.doubt_sentences import caution_sentence, contradiction_sentences, stand_in_sentence
 from discovery.report.estimates import symbol_of
+from discovery.report.manoeuvre_sentences import laws_apart, laws_of, separation_sentence
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import probability_words
