@@ -191,7 +191,7 @@ def test_scatter_is_told_once() -> None:
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
         result: Any = SimpleNamespace(after=after, added=(), model_error=error, **{**plain, **more})
         result._left = lambda *, trained: left
-        return LoopResult.cautions.fget(result)  # type: ignore[attr-defined]
+        return LoopResult.cautions.func(result)  # type: ignore[attr-defined]
 
     def codes(*args: Any, **more: Any) -> list[str]:
         return [found.code for found in told(*args, **more)]

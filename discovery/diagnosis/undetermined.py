@@ -28,10 +28,12 @@ def hung_on(off: Caution, fitted: Fit) -> Caution:
     do that: the one that is told worst for its size is named. That is asked of training recordings that are continued,
     whose starts are those of training; a hold-out of its own has starts that are fitted to it.
     """
-    slopes, left = _continued(fitted)
+    if all(e.fitted_samples is None for e in fitted.problem.bench.experiments):
+        return off
+    sds_of = np.sqrt(np.diag(fitted.covariance))
+    slopes, left = _continued(fitted, sds_of)
     found: list[tuple[float, str, dict[str, Any]]] = []
-    sizes = np.sqrt(np.diag(fitted.covariance)) if left.size else ()
-    for k, (name, sd) in enumerate(zip(fitted.problem.free, sizes, strict=False)):
+    for k, (name, sd) in enumerate(zip(fitted.problem.free, sds_of if left.size else (), strict=False)):
         value = float(fitted.minimum.x[k])
         if fitted.model.parameters[name].shape or not (0.0 < sd < np.inf and abs(value) < _UNTOLD * sd):
             continue
@@ -49,13 +51,13 @@ def hung_on(off: Caution, fitted: Fit) -> Caution:
     return replace(off, about=name, numbers={**off.numbers, "undetermined": {**told, **numbers}})
 
 
-def _continued(fitted: Fit) -> tuple[FloatArray, FloatArray]:
-    """Return derivatives (n, p) and residuals (n,) [noise sds] of training recordings beyond what is fitted of them."""
+def _continued(fitted: Fit, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives (n, p) and residuals (n,) [noise sds] of training recordings beyond what is fitted of them.
+
+    `sd` (p,): standard deviations of what is fitted, a small part of which it is moved by.
+    """
     problem, x = fitted.problem, fitted.minimum.x
     parts = [e.fitted_samples for e in problem.bench.experiments]
-    if all(part is None for part in parts):
-        return np.empty((0, x.size)), np.empty(0)
-    sd = np.sqrt(np.diag(fitted.covariance))
     probe = Probed.around(problem, x, _APART * np.where((sd > 0) & np.isfinite(sd), sd, problem.scale))
     with np.errstate(over="ignore", invalid="ignore"):
         (columns,) = simulated(problem.bench, [problem], [probe])

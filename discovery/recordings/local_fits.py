@@ -14,6 +14,8 @@ DIFFERENCES = ((3, 5), (5, 7), (7, 9))
 CALMER = ((3, 9), (5, 13), (5, 17), (7, 17))
 SLOWEST = ((1, 9), (1, 17), (3, 17))  # where hardly anything moves
 LONGEST = 17  # readings
+#: A miss beyond so many standard deviations counts as one of as many, which keeps this of Gaussian variance.
+FAR, KEPT = 3.0, 0.9733
 _SLOPE = (5, 13)
 
 

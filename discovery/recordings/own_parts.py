@@ -166,15 +166,21 @@ def release(time: FloatArray, values: FloatArray, noise: float) -> int | None:
     gone = (level - x) * np.sign(way)
     coarsest, finest = _OF_WAY * abs(way), max(_STILL * noise / np.sqrt(_HELD), np.finfo(float).eps * abs(way))
     halvings = int(np.ceil(np.log2(max(coarsest / finest, 1.0))))
-    found = (_release(t, gone, max(finest, coarsest / 2**k), noise, abs(way)) for k in range(halvings, -1, -1))
+    # Medians tell a smaller distance than single readings, and pass over wild ones.
+    middle = np.median(sliding_window_view(gone, _HELD), axis=1)
+    stills = (max(finest, coarsest / 2**k) for k in range(halvings, -1, -1))
+    found = (_release(t, gone, middle, still=still, noise=noise, way=abs(way)) for still in stills)
     return next((int(good[left]) for left in found if left is not None), None)
 
 
-def _release(t: FloatArray, gone: FloatArray, still: float, noise: float, way: float) -> int | None:
-    """Return the reading at which a body leaves where it is held within `still`, if it then goes a `way` to rest."""
-    # Medians tell a smaller distance than single readings, and pass over wild ones.
-    middle, late = np.median(sliding_window_view(gone, _HELD), axis=1), _HELD // 2
-    far = min(_TIMES * still, 0.5 * way)
+def _release(
+    t: FloatArray, gone: FloatArray, middle: FloatArray, *, still: float, noise: float, way: float
+) -> int | None:
+    """Return the reading at which a body leaves where it is held within `still`, if it then goes a `way` to rest.
+
+    `gone` (n,): how far it is on that way; `middle` (n - 7,): medians of eight readings of that.
+    """
+    late, far = _HELD // 2, min(_TIMES * still, 0.5 * way)
     left, reached = _first(np.abs(middle) > still), _first(middle > far)
     single = np.abs(gone) > max(still, _STILL * noise)
     out = _first(single[:-1] & single[1:])

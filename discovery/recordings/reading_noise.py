@@ -11,7 +11,7 @@ import numpy.typing as npt
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
-from discovery.recordings.local_fits import CALMER, SLOWEST, misses
+from discovery.recordings.local_fits import CALMER, FAR, KEPT, SLOWEST, misses
 from discovery.recordings.rounding import resolution
 from discovery.recordings.timing_errors import excess_scatter
 
@@ -39,7 +39,6 @@ _FEWEST_READINGS = 200  # readings, fewer scatter too little to contradict a sta
 _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
 _SURE = 4.0  # standard deviations
-_FAR, _KEPT = 3.0, 0.9733  # sds beyond which values count as so many, and what is left of Gaussian variance
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
 
 
@@ -185,7 +184,7 @@ def _scatter(values: FloatArray) -> float:
     """
     middle = np.abs(values - np.median(values))
     usual = float(1.4826 * np.median(middle))
-    return min(usual, float(np.sqrt(np.mean(np.minimum(middle, _FAR * usual) ** 2) / _KEPT)))
+    return min(usual, float(np.sqrt(np.mean(np.minimum(middle, FAR * usual) ** 2) / KEPT)))
 
 
 def white_noise(values: FloatArray) -> float | None:
@@ -248,7 +247,8 @@ def noise_flags(
     NaN are gaps.
     """
     estimates = _estimates(values) if band is None else [band.sd]
-    scatter = _calmed(values, min(estimates)) if band is None and estimates else min(estimates, default=0.0)
+    scatter = min(estimates, default=0.0)
+    scatter = _calmed(values, scatter) if band is None else scatter
     if np.isfinite(values).sum() < _FEWEST_READINGS or resolution(values, time) > _COARSE * scatter:
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import gaps, median_step
-from discovery.recordings.local_fits import CALMER, DIFFERENCES, LONGEST, miss_weights, misses, slopes
+from discovery.recordings.local_fits import CALMER, DIFFERENCES, FAR, KEPT, LONGEST, miss_weights, misses, slopes
 
 _FEWEST = 200  # readings, fewer scatter too little to tell their noise from errors of timing
 _SURE = 4.0  # standard deviations
 _ALIKE = 1.5  # ratio of noises that differ
-_FAR, _KEPT = 3.0, 0.9733  # a miss beyond so many sds counts as one of as many, which keeps this of Gaussian variance
 _ROUNDS = 50
 _TINY = 1e-6  # of the variance, which any reading has
 
@@ -61,10 +61,9 @@ def timing_error(time: FloatArray, channel: FloatArray, least: float) -> TimingE
     """
     if np.isfinite(channel).sum() < _FEWEST:
         return None
-    values = _apart(time, channel)
     laws: list[_Law] = []
-    for fit in DIFFERENCES + CALMER:
-        law = _law(*_missed(values, median_step(time), fit), least)
+    for missed, speed in _missed(time, channel):
+        law = _law(missed, speed, least)
         if law is None or not law.timely:
             return None
         laws.append(law)
@@ -82,26 +81,26 @@ def excess_scatter(time: FloatArray, channel: FloatArray, noise: float, jitter: 
 
     It is the smallest of all local fits; NaN with too few readings.
     """
-    values = _apart(time, channel)
-    found = [float("inf")]
+    found = [
+        _spread(missed / np.sqrt(noise**2 + jitter**2 * speed))
+        for missed, speed in _missed(time, channel)
+        if missed.size >= _FEWEST // 2
+    ]
+    return min(found, default=float("nan"))
+
+
+def _missed(time: FloatArray, channel: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield by how much readings miss each local fit, (m,), and the mean squared speed that counts in each miss, (m,).
+
+    No fit reaches across missing samples.
+    """
+    values = np.insert(channel, np.repeat(np.flatnonzero(gaps(time)) + 1, LONGEST), np.nan)
+    squares = slopes(values, median_step(time)) ** 2
     for fit in DIFFERENCES + CALMER:
-        missed, speed = _missed(values, median_step(time), fit)
-        if missed.size >= _FEWEST // 2:
-            found.append(_spread(missed / np.sqrt(noise**2 + jitter**2 * speed)))
-    return min(found) if len(found) > 1 else float("nan")
-
-
-def _apart(time: FloatArray, channel: FloatArray) -> FloatArray:
-    """Return readings with NaN where samples are missing, so many that no fit reaches across."""
-    return np.insert(channel, np.repeat(np.flatnonzero(gaps(time)) + 1, LONGEST), np.nan)
-
-
-def _missed(values: FloatArray, step: float, fit: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
-    """Return by how much readings miss a local fit, (m,), and the mean squared speed that counts in each miss, (m,)."""
-    missed = misses(values, *fit)
-    speed = np.convolve(slopes(values, step) ** 2, miss_weights(*fit) ** 2, "valid")
-    good = np.isfinite(missed) & np.isfinite(speed)
-    return missed[good], speed[good]
+        missed = misses(values, *fit)
+        speed = np.convolve(squares, miss_weights(*fit) ** 2, "valid")
+        good = np.isfinite(missed) & np.isfinite(speed)
+        yield missed[good], speed[good]
 
 
 def _law(missed: FloatArray, speed: FloatArray, least: float) -> _Law | None:
@@ -110,7 +109,7 @@ def _law(missed: FloatArray, speed: FloatArray, least: float) -> _Law | None:
     if spread == 0.0 or not np.ptp(speed) > _TINY * np.median(speed) > 0.0:
         return None
     found = _fitted(missed, speed, max(least**2, _TINY * spread**2))
-    standard = np.clip(missed / np.sqrt(found.at(speed)), -_FAR, _FAR)
+    standard = np.clip(missed / np.sqrt(found.at(speed)), -FAR, FAR)
     by_speed = np.array_split(np.argsort(speed), 3)
     thirds = [standard[part] for part in by_speed]
     sizes = [float(np.sqrt(np.mean(third**2))) for third in thirds]
@@ -121,7 +120,7 @@ def _law(missed: FloatArray, speed: FloatArray, least: float) -> _Law | None:
         # A clock that was late a few times says nothing of all other readings.
         and sizes[-1] < _ALIKE * _spread(thirds[-1])
     )
-    return _Law(found, float(np.sqrt(np.minimum(missed**2, (_FAR * spread) ** 2).mean())), bool(timely))
+    return _Law(found, float(np.sqrt(np.minimum(missed**2, (FAR * spread) ** 2).mean())), bool(timely))
 
 
 def _fitted(missed: FloatArray, speed: FloatArray, floor: float) -> _Variance:
@@ -131,9 +130,13 @@ def _fitted(missed: FloatArray, speed: FloatArray, floor: float) -> _Variance:
     """
     scale, still = float(np.median(speed)), max(0.5 * _spread(missed) ** 2, floor)
     x, timing = speed / scale, 0.5 * _spread(missed) ** 2
+    before = None
     for _ in range(_ROUNDS):
-        variance = still + timing * x
-        squares, w = np.minimum(missed**2, _FAR**2 * variance) / _KEPT, variance**-2.0
+        # The next round would be this one again.
+        if (still, timing) == before:
+            break
+        before, variance = (still, timing), still + timing * x
+        squares, w = np.minimum(missed**2, FAR**2 * variance) / KEPT, variance**-2.0
         one, by, twice = float(w.sum()), float(w @ x), float(w @ x**2)
         sums, by_sums = float(w @ squares), float((w * x) @ squares)
         timing = max((one * by_sums - by * sums) / (one * twice - by**2), 0.0)

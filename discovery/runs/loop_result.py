@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,7 @@ class LoopResult(LoopViews):
         found = {effect: caution.stand_in(self.after, effect) for effect in self.added}
         return {effect: other for effect, other in found.items() if other is not None}
 
-    @property
+    @cached_property
     def cautions(self) -> list[Caution]:
         """Why the answer may not be believed, as the fit itself shows."""
         error = self.model_error
