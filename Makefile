@@ -102,7 +102,7 @@ reports/measured/%/results.json: datasets/%.toml $(CODE) | $(READY)
 	@echo "$*"
 	@$(BIN)/discovery run $< --no-posterior --quiet --seed $(SEED) --note "Measured in another laboratory." --out $(@D) >/dev/null
 
-test: $(READY) ## Run the tests (about eight minutes on two idle cores)
+test: $(READY) ## Run the tests (about six minutes on two idle cores)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow"
 
 test-long: $(READY) ## Run the longer studies
