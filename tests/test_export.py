@@ -444,16 +444,18 @@ def test_the_equation_of_motion_holds_for_the_kernels_acceleration(base: str, nu
     slopes = numpy_derivative(program)(time, motor, state, [values[n] for n in program.parameters])
     arm = model.mechanics.system == ARM
     given = {**values, "t": time, **{r.name: m for r, m in zip(RECORDED, motor, strict=True)}}
+    given |= {z.name: strain for z in program.states[2:]}
     # The deflection is that from what the arm receives, not from what is recorded.
     received = [_lambdified(e, names := _sorted(e))(*[given[x.name] for x in names]) for _, e in program.drive]
     deflection, turn = (angle - received[0], rate - received[1]) if arm else (angle, rate)
     meaning = {
         **values, "theta_t": angle, "theta_t'": rate, "theta_t''": slopes[1], "q": angle, "q'": rate, "q''": slopes[1],
         "delta": deflection, "delta'": turn, "theta_m''": received[-1], "u": received[0], "t": time,
+        "r_0": motor[0],
         **{z.name: strain for z in program.states[2:]},
         **{f"{z.name}'": slope for z, slope in zip(program.states[2:], slopes[2:], strict=True)},
     }  # fmt: skip
-    if not arm and len(received) > 1:
+    if not arm and model.mechanics.input_moves:
         meaning |= dict(zip(("u", "u'", "u''"), received, strict=True))
     if model.mechanics.prescribed:
         told = {

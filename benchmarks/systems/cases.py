@@ -37,6 +37,7 @@ CASES = {
     "servo: dry friction at the motor": Case(machines.servo(), "motor", laws.dry(0.03, 2e-3)),
     "servo: dead zone of the amplifier": Case(machines.servo(), "", laws.dead_zone(0.3)),
     "two masses: torque that saturates": Case(machines.two_masses(), "", laws.saturation(0.14)),
+    "two masses: torque that lags by 8 ms": Case(machines.two_masses(), "", laws.lag(8e-3)),
     "two masses: dry friction at the load": Case(machines.two_masses(), "load", laws.dry(0.012, 2e-3)),
     "two masses: cubic spring in the shaft": Case(machines.two_masses(), "joint", laws.cubic(2.5e4)),
     "two masses: hysteresis in the shaft": Case(machines.two_masses(), "joint", laws.hysteresis(2.5, 4e-3), within=0.2),
@@ -58,6 +59,7 @@ CASES = {
     "motor, speed: nothing": Case(machines.motor(), "shaft", laws.NOTHING),
     "motor, speed: dry friction": Case(machines.motor(), "shaft", laws.dry(8e-3, 0.01)),
     "motor, speed: cogging": Case(machines.motor(), "shaft", laws.cogging(0.015, 18.0)),
+    "motor, speed: torque that lags by 0.1 s": Case(machines.motor(), "", laws.lag(0.1)),
     "motor, position: nothing": Case(machines.motor("drive"), "shaft", laws.NOTHING),
     "motor, position: dry friction": Case(machines.motor("drive"), "shaft", laws.dry(8e-3, 0.01)),
 }

@@ -23,6 +23,8 @@ class Law:
         Their parameters, without the place, as they should come out, in SI units.
     received : callable
         What the machine receives of the recorded input.
+    behind : float
+        Time constant with which that arrives [s].
     """
 
     force: Callable[[float, float, float], float]
@@ -30,6 +32,7 @@ class Law:
     truth: dict[str, float]
     slip: Callable[[float, float, float], float] = lambda d, v, z: 0.0
     received: Callable[[float], float] = lambda u: u
+    behind: float = 0.0
 
 
 NOTHING = Law(lambda d, v, z: 0.0, (), {})
@@ -91,3 +94,8 @@ def saturation(limit: float) -> Law:
     return Law(
         lambda d, v, z: 0.0, ("input_saturation",), {"s_u": 1 / limit}, received=lambda u: max(-limit, min(limit, u))
     )
+
+
+def lag(time: float) -> Law:
+    """A drive that follows its input with a time constant."""
+    return Law(lambda d, v, z: 0.0, ("input_lag",), {"tau_u": time}, behind=time)

@@ -41,15 +41,17 @@ def record(machine: Machine, joint: str, law: Law, path: Path, seed: int) -> Non
         return moved(float(drive(t)), state.tolist())
 
     def moved(u: float, state: list[float]) -> list[float]:
-        q, v, slip = state[:n], state[n : 2 * n], state[-1]
+        q, v, (slip, arrived) = state[:n], state[n : 2 * n], state[2 * n :]
+        asked = law.received(u)
+        arrived, rise = (arrived, (asked - arrived) / law.behind) if law.behind else (asked, 0.0)
 
         def at(place: str, d: float, rate: float) -> float:
             return law.force(d, rate, slip) if place == joint else 0.0
 
         twist, turning = (sum(a * b for a, b in zip(way, x, strict=True)) for x in (q, v))
-        return [*v, *machine.accelerations(law.received(u), q, v, at), law.slip(twist, turning, slip)]
+        return [*v, *machine.accelerations(arrived, q, v, at), law.slip(twist, turning, slip), rise]
 
-    state = np.array([*(machine.start or (0.0,) * n), *(0.0,) * (n + 1)])
+    state = np.array([*(machine.start or (0.0,) * n), *(0.0,) * (n + 2)])
     parts = []
     # An input in steps is integrated from step to step.
     edges = [0.0, *(_STEPS if machine.drive[2] == 0 else ()), time[-1] + 1 / machine.rate]

@@ -78,6 +78,9 @@ class Effect(ABC):
     False
     >>> import numpy as np
     >>> force = get_effect("periodic_disturbance")
+    >>> lag = get_effect("input_lag")
+    >>> [str(z) for z in lag.states()], friction.states(), [str(z) for z in lag.relaxation()]
+    (['u_l'], {}, ['u_l'])
     >>> force.own().name, force.gathered(force.turned(np.array([0.3, 0.4]), 0.5)[None])[1]
     ('psi', array([0.]))
     """
@@ -146,6 +149,14 @@ class Effect(ABC):
     def own(cls) -> Parameter | None:
         """Return the parameter of which every recording has its own value, if there is one."""
         return next((p for p in cls.parameters() if p.own), None)
+
+    def states(self) -> dict[sp.Symbol, sp.Expr]:
+        """Return each extra state with its time derivative; it is zero where a recording starts."""
+        return {}
+
+    def relaxation(self) -> dict[sp.Symbol, sp.Expr]:
+        """Return bounds of how fast states forget, -dz'/dz [s^-1], which steps should not have to resolve."""
+        return {}
 
     @classmethod
     def title(cls) -> str:
@@ -218,10 +229,6 @@ class Memory(Expressed):
     def states(self) -> dict[sp.Symbol, sp.Expr]:
         """Return each extra state with its time derivative."""
 
-    def relaxation(self) -> dict[sp.Symbol, sp.Expr]:
-        """Return bounds of how fast states forget, -dz'/dz [s^-1], which steps should not have to resolve."""
-        return {}
-
 
 class Mode(Memory):
     """Another mode of vibration, moved by the input beside the coordinate and added to what the instrument reads."""
@@ -239,7 +246,10 @@ class Mode(Memory):
 
 
 class Drive(Expressed):
-    """What the system really receives: the effective motor angle (or input u) in terms of the recorded one and time."""
+    """What the system really receives: the effective motor angle (or input u) in terms of the recorded one and time.
+
+    States [u] are those of an input that is a force.
+    """
 
     kind = "drive"
 
@@ -260,14 +270,10 @@ class Shape(Effect):
 
 
 class Joint(Expressed):
-    """A joint between hub and rod: the turn of the root [q] as the bending `root` there asks for."""
+    """A joint between hub and rod: the turn of the root [q] as `root` asks for; states [-] rest where that does."""
 
     kind = "joint"
     systems = frozenset({ARM})
-
-    def states(self) -> dict[sp.Symbol, sp.Expr]:
-        """Return each extra state [-] with its time derivative, which vanishes where `root` does not change."""
-        return {}
 
 
 class Sensor(Effect):

@@ -115,4 +115,4 @@ def amplitudes(effect: Effect) -> tuple[str, ...]:
 
 def _slopes(effect: Effect) -> list[sp.Expr]:
     """Return the rates of the states that an effect remembers."""
-    return [sp.sympify(rate) for rate in effect.states().values()] if isinstance(effect, Memory) else []
+    return [sp.sympify(rate) for rate in effect.states().values()]

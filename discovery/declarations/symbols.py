@@ -66,6 +66,8 @@ alpha = sp.Symbol("alpha", real=True)
 xi = sp.Symbol("xi", real=True)
 #: Length of the arm [m].
 length = sp.Symbol("length", real=True)
+#: Keeps a law defined where its parameter is zero: less than anything that is measured, in any unit.
+LEAST = sp.Float(1e-30)
 
 #: Position-like channels: a potential V pushes on each with -dV/dc.
 POSITION_CHANNELS = (theta, delta, x, y, x_g, y_g, slope, U, U_4)
@@ -74,3 +76,8 @@ POSITION_CHANNELS = (theta, delta, x, y, x_g, y_g, slope, U, U_4)
 RATE_CHANNELS = (omega, delta_dot, v_x, v_y, slope_dot, v2, w2)
 #: The rate of each position-like channel that has one.
 RATES = {theta: omega, delta: delta_dot, x: v_x, y: v_y, slope: slope_dot}
+
+
+def readable(expression: sp.Expr) -> sp.Expr:
+    """Return what is written of an expression: without `LEAST`, which computing alone needs."""
+    return sp.sympify(expression).xreplace({LEAST: sp.Integer(0)})

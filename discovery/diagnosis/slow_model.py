@@ -15,7 +15,7 @@ import numpy as np
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Closure, Joint, Memory, Mode
+from discovery.declarations.effect import Closure, Joint, Mode
 from discovery.declarations.forces import ExternalForce
 from discovery.declarations.registry import get_effect
 from discovery.equations.contributions import radius_of
@@ -92,8 +92,9 @@ class SlowModel:
 
     def __init__(self, model: Model, units: NaturalUnits, known: Mapping[str, float]) -> None:
         several = model.mechanics.n_coordinates > 1
-        effects = tuple(e.id() for e in model.terms if not isinstance(e, Memory | Joint))
-        self.reduced = several or any(isinstance(e, Memory | Joint) and not isinstance(e, Mode) for e in model.terms)
+        remembering = [e for e in model.terms if e.states() or isinstance(e, Joint)]
+        effects = tuple(e.id() for e in model.terms if e not in remembering)
+        self.reduced = several or any(not isinstance(e, Mode) for e in remembering)
         base = _SLOW if several else model.base
         self.program, self.slopes, functions = _mathematics(base, effects)
         self._reading, self._output, self._late = functions

@@ -4,10 +4,9 @@ import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, SPRING, Load
 from discovery.declarations.parameters import HalfStudent, Parameter
-from discovery.declarations.symbols import alpha, delta, delta_dot, xi
+from discovery.declarations.symbols import LEAST, alpha, delta, delta_dot, xi
 
-#: Parts of the half width within which the contact is made, and a width that keeps it defined without play.
-_EDGE, _LEAST = sp.Float(0.05), sp.Float(1e-30)
+_EDGE = sp.Float(0.05)  # of the half width, within which the contact is made
 
 
 class Play(Load):
@@ -32,5 +31,5 @@ class Play(Load):
         """Return the force on the deflection."""
         ends = delta + self.w_b, delta - self.w_b
         clipped = (sp.Abs(ends[0]) - sp.Abs(ends[1])) / 2
-        ahead, behind = (x / sp.sqrt(x**2 + (_EDGE * self.w_b) ** 2 + _LEAST) for x in ends)
+        ahead, behind = (x / sp.sqrt(x**2 + (_EDGE * self.w_b) ** 2 + LEAST) for x in ends)
         return alpha * clipped + xi * (ahead - behind) / 2 * delta_dot

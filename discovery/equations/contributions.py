@@ -27,13 +27,28 @@ Assignments = list[tuple[sp.Symbol, sp.Expr]]
 Laws = dict[sp.Symbol, sp.Expr]
 
 
-def received_input(effects: list[Drive], input_moves: bool, root: Root | None) -> Assignments:
-    """Return the input that arrives through the drive effects, of a motion with its rates, turned by the root."""
+def force_received(effects: Sequence[Drive], recorded: sp.Expr) -> tuple[sp.Expr, Laws]:
+    """Return what arrives of an input that is no motion, and the states that it passes, with their slopes."""
+    value, states = recorded, Laws()
+    for effect in effects:
+        states |= {z: slope.xreplace({s.u: value}) for z, slope in effect.states().items()}
+        value = effect.expression().subs(s.u, value)
+    return value, states
+
+
+def slope_in_drive(state: sp.Symbol) -> sp.Symbol:
+    """Return the symbol of the slope of a state that the input passes."""
+    return sp.Symbol(f"slope_of_{state.name}", real=True)
+
+
+def received_input(effects: Sequence[Drive], input_moves: bool, root: Root | None) -> Assignments:
+    """Return the input that arrives through the drive effects, of a motion with its rates, turned by the root.
+
+    A force comes with the slopes of states that it passes, as nothing else is told what was recorded.
+    """
     if not input_moves:
-        value: sp.Expr = RECORDED[0]
-        for effect in effects:
-            value = effect.expression().subs(s.u, value)
-        return [(s.u, value)]
+        value, states = force_received(effects, RECORDED[0])
+        return [(s.u, value), *((slope_in_drive(z), slope) for z, slope in states.items())]
     value = RECORDED[0]
     for effect in effects:
         value = effect.expression().subs(s.theta_m, value)

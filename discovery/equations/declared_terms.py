@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Effect, Expressed, Memory
+from discovery.declarations.effect import Effect, Expressed
 from discovery.declarations.place import INERTIA, local
 from discovery.declarations.registry import effect_name
 from discovery.mechanics.declared import DeclaredBase
@@ -63,8 +63,7 @@ def placed_lines(effect: Effect) -> list[DeclaredLine]:
     told = {local(c, effect.place): value for c, value in meant.items()} | {s.bend: where, s.bend_dot: rate}
     letter = "F" if getattr(effect, "on", None) is not None else _LETTERS[effect.kind]
     lines = [DeclaredLine(effect_name(effect.id()), letter, 0, effect.expression().xreplace(told))]
-    if isinstance(effect, Memory):
-        lines += [DeclaredLine("memory", z.name, 1, slope.xreplace(told)) for z, slope in effect.states().items()]
+    lines += [DeclaredLine("memory", z.name, 1, slope.xreplace(told)) for z, slope in effect.states().items()]
     return lines
 
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Protocol
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Dissipation, Effect, Kinetic, Load, Memory, Mode, Potential
+from discovery.declarations.effect import Dissipation, Drive, Effect, Kinetic, Load, Memory, Mode, Potential
 from discovery.declarations.registry import get_effect
 from discovery.declarations.system import System
-from discovery.equations.contributions import strands
+from discovery.equations.contributions import RECORDED, force_received, strands
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import rod_of
@@ -156,7 +156,7 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
         accelerating = MOVING_INPUT[2] if base.prescribed else accelerating
 
     def told(expression: sp.Expr) -> sp.Expr:
-        return sp.factor_terms(sp.sympify(expression).xreplace(names))
+        return sp.factor_terms(s.readable(expression).xreplace(names))
 
     inertia, drive, output, terms = mechanics.mass[0][0], sp.Integer(0), None, []
     if base.system.has_rod:
@@ -180,7 +180,13 @@ def _terms(base_name: str, effect_ids: tuple[str, ...]) -> EquationTerms:
         memory += own
         terms.append((name, told(term)))
     shown = tuple((n, t) for n, t in terms if t != 0)
-    return EquationTerms(told(inertia), accelerating, shown, drive, tuple(memory), output)
+    return EquationTerms(told(inertia), accelerating, shown, drive, (*memory, *_lagging(effects)), output)
+
+
+def _lagging(effects: Sequence[Effect]) -> list[tuple[sp.Symbol, sp.Expr]]:
+    """Return the states that the input passes, with their slopes, in what was recorded."""
+    _, states = force_received([e for e in effects if isinstance(e, Drive)], RECORDED[0])
+    return [(state, s.readable(slope)) for state, slope in states.items()]
 
 
 def equation_of_motion(model: Sum) -> sp.Eq:

@@ -29,6 +29,7 @@ from discovery.equations.contributions import (
     memory_of,
     radius_of,
     received_input,
+    slope_in_drive,
 )
 from discovery.foundation.errors import InputError
 from discovery.mechanics import Base, get_base
@@ -206,8 +207,10 @@ def _inertia(
 def _memory(
     effects: Sequence[Effect], mechanics: Mechanics, states: Laws, force: list[sp.Expr]
 ) -> tuple[Laws, Laws, list[sp.Expr]]:
-    """Return states and force with those of the memory effects, and how fast states forget."""
-    forgets: Laws = {}
+    """Return states and force with those of the memory effects and of the drive, and how fast states forget."""
+    drives = [e for e in effects if isinstance(e, Drive)]
+    states = {**states, **{z: slope_in_drive(z) for e in drives for z in e.states()}}
+    forgets: Laws = {z: rate for e in drives for z, rate in e.relaxation().items()}
     for effect in effects:
         if isinstance(effect, Memory):
             own, fast, pull = memory_of(effect, mechanics, len(force))

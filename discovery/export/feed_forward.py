@@ -84,7 +84,7 @@ def _entries(largest: float) -> FloatArray:
 
 def _warnings(model: Model, apart: float) -> tuple[str, ...]:
     said = []
-    kept = [e.id() for e in model.terms if e.kind in ("memory", "mode")]
+    kept = [e.id() for e in model.terms if e.states() and e.kind != "joint"]
     if kept:
         said.append(f"{', '.join(kept)} depends on the motion before; the tables leave it out.")
     if apart > _APART:

@@ -111,9 +111,8 @@ def _energy(effect: Effect, write: Writer) -> list[LatexLine]:
     elif isinstance(effect, Joint):
         body += r", \quad P = - \alpha b \dot{p}, \quad b = \frac{1}{3} \kappa(0, t)"
     lines = [LatexLine(effect_name(effect.id()), f"{letter} = {body}")]
-    if isinstance(effect, Memory | Joint):
-        rates = effect.states().items()
-        lines += [LatexLine("memory", f"\\dot{{{write(z)}}} = {write(rate)}") for z, rate in rates]
+    rates = effect.states().items()
+    lines += [LatexLine("memory", f"\\dot{{{write(z)}}} = {write(rate)}") for z, rate in rates]
     return lines
 
 

@@ -66,7 +66,7 @@ class Writer:
 
     def __call__(self, expression: sp.Expr) -> str:
         """Return the LaTeX of an expression."""
-        shown = sp.sympify(expression).subs(s.v2, _SPEED**2)
+        shown = s.readable(expression).subs(s.v2, _SPEED**2)
         rounded = shown.xreplace({f: sp.Float(float(f), 6) for f in shown.atoms(sp.Float)})
         known = {x: self.names[x.name] for x in rounded.free_symbols if x.name in self.names}
         return sp.latex(rounded, symbol_names=known, mul_symbol=None)
@@ -113,6 +113,7 @@ def declared_latex(model: Model) -> list[LatexLine]:
             found += placed_lines(effect)
         elif isinstance(effect, Drive):
             found.append(DeclaredLine(effect_name(effect.id()), "u_received", 0, sp.sympify(effect.expression())))
+            found += [DeclaredLine("memory", z.name, 1, slope) for z, slope in effect.states().items()]
         elif isinstance(effect, Sensor):
             late = effect.lateness()
             value = sp.Symbol("t", real=True) - late if late != 0 else sp.sympify(effect.oscillator_reading(_READ))
@@ -122,7 +123,7 @@ def declared_latex(model: Model) -> list[LatexLine]:
 
 def _latex(value: sp.Expr) -> str:
     names = {x: _dotted(x.name.rstrip("'"), len(x.name) - len(x.name.rstrip("'"))) for x in value.free_symbols}
-    return sp.latex(value, symbol_names=names, mul_symbol=None)
+    return sp.latex(s.readable(value), symbol_names=names, mul_symbol=None)
 
 
 def _dotted(name: str, dots: int) -> str:

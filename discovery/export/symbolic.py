@@ -193,7 +193,7 @@ def received(model: Model) -> tuple[sp.Symbol, sp.Expr]:
     """Return what the root of a rod or an oscillator receives, from what is recorded; joints turn it by p."""
     rigid = tuple(effect.id() for effect in model.terms if not isinstance(effect, Joint))
     symbol, value = build_program(model.base, rigid).drive[0]
-    symbol = symbol if model.mechanics.system.has_rod else s.u
+    symbol, value = symbol if model.mechanics.system.has_rod else s.u, s.readable(value)
     return symbol, value if len(rigid) == len(model.effects) else value + sp.Symbol("p", real=True)
 
 
@@ -209,8 +209,7 @@ def _declared(effect: Effect) -> list[str]:
         lines.append(f"{effect.id()}: {'F' if getattr(effect, 'on', None) is not None else letter} = {body}")
     elif isinstance(effect, Joint):
         lines.append(f"{effect.id()}: p = {effect.expression()}, P = -alpha*root*p', root = kappa(0, t)/3")
-    if isinstance(effect, Memory | Joint):
-        lines += [f"{z}' = {slope}" for z, slope in effect.states().items()]
+    lines += [f"{z}' = {slope}" for z, slope in effect.states().items()]
     return lines
 
 

@@ -11,7 +11,7 @@ from markupsafe import escape
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect
 from discovery.declarations.system import System
-from discovery.equations.contributions import radius_of
+from discovery.equations.contributions import force_received, radius_of
 from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
 from discovery.mechanics.systems import declaration_of, declared_base
 from discovery.report.mathml import inline, row, symbol
@@ -147,13 +147,15 @@ def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u"
     if kind == "closure":
         return equal(row(symbol("rho_t"), "<mo>/</mo>", symbol("l")), expression(radius_of(effects), name))
     if kind == "drive":
-        law = received = s.theta_m if arm else s.u
-        for effect in effects:
-            law = effect.expression().subs(received, law)
         if arm:
-            return row(symbol(received.name), "<mo>→</mo>", expression(law, name))
-        named = law.xreplace({s.u: sp.Symbol(names[0], real=True)})
-        return row(symbol(names[0]), "<mo>→</mo>", expression(named, name))
+            turned: sp.Expr = s.theta_m
+            for effect in effects:
+                turned = effect.expression().subs(s.theta_m, turned)
+            return row(symbol(s.theta_m.name), "<mo>→</mo>", expression(turned, name))
+        law, states = force_received(effects, sp.Symbol(names[0], real=True))
+        arrives = row(symbol(names[0]), "<mo>→</mo>", expression(law, name))
+        slopes = (equal(symbol(z.name, 1), expression(e, name)) for z, e in states.items())
+        return row(_NEXT.join([arrives, *slopes]))
     late = sp.Add(*[effect.lateness() for effect in effects])
     if late != 0:
         since = [signed(expression(-term, name)) for term in late.as_ordered_terms()]

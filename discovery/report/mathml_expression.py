@@ -12,7 +12,7 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from sympy.printing.precedence import precedence
 
 from discovery.declarations.registry import catalogue
-from discovery.declarations.symbols import v2
+from discovery.declarations.symbols import readable, v2
 from discovery.mechanics import base_names, get_base
 from discovery.report.mathml import power, row, symbol
 
@@ -125,6 +125,6 @@ def _latex(name: str) -> str:
 def expression(value: sp.Expr, coordinate: str = "theta_t") -> str:
     """Return MathML of a sympy expression in the coordinate ``theta_t`` or ``q``, or, without one, its own names."""
     # The speed itself, so that its square root and its powers look as one writes them.
-    shown = sp.sympify(value).subs(v2, sp.Symbol("tip_speed", positive=True) ** 2)
+    shown = readable(value).subs(v2, sp.Symbol("tip_speed", positive=True) ** 2)
     # A negative exponent of sympy has a hyphen in its number.
     return _NEGATIVE.sub(r"<mrow><mo>−</mo><mn>\1</mn></mrow>", _printer(coordinate)._print(shown).toxml())

@@ -12,7 +12,7 @@ import numpy as np
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Memory, Mode, Sensor, Shape
+from discovery.declarations.effect import ARM, OSCILLATOR, Drive, Effect, Joint, Load, Mode, Sensor, Shape
 from discovery.declarations.parameters import natural_scale
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.system import System
@@ -64,14 +64,12 @@ def expressions(effect: Effect, system: str) -> Iterator[tuple[sp.Expr, str, Map
         yield sp.sympify(effect.rest_angle()), "q", {}
         yield sp.sympify(effect.root_turn()), "1", {}
         return
-    own: dict[sp.Symbol, str] = {}
-    if isinstance(effect, Memory | Joint):
-        states = effect.states()
-        own = dict.fromkeys(states, "1" if isinstance(effect, Joint) else "q")
-        if isinstance(effect, Mode):
-            own[effect.states()[effect.displacement()]] = "q s^-1"
-        for state, slope in states.items():
-            yield slope, f"{own[state]} s^-1", own
+    states = effect.states()
+    own = dict.fromkeys(states, "1" if isinstance(effect, Joint) else "u" if isinstance(effect, Drive) else "q")
+    if isinstance(effect, Mode):
+        own[states[effect.displacement()]] = "q s^-1"
+    for state, slope in states.items():
+        yield slope, f"{own[state]} s^-1", own
     stated = effect.power() if isinstance(effect, Load) else effect.expression()  # type: ignore[attr-defined]
     received = "u" if effect.kind == "drive" and s.u in stated.free_symbols else _KIND_UNITS[effect.kind]
     yield sp.sympify(stated), received, own

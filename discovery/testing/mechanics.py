@@ -193,7 +193,7 @@ class MechanicsContract:
 
     def _received(self, base: str, sample: Sample) -> FloatArray:
         """Return the input that the system receives (3, k), whose rows are derivatives of one another."""
-        names = [symbol.name for symbol, _ in whole(base).drive]
+        names = [x.name for x, _ in whole(base).drive if x in (s.u, s.theta_m, s.omega_m, s.alpha_m)]
         nothing = np.zeros_like(sample.state[:0])
 
         def later(tau: float) -> FloatArray:

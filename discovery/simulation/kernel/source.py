@@ -124,7 +124,9 @@ def _plans(
             rates=memory, needs=observed.needs,
         )  # fmt: skip
         shares = [derived.shares(), observed.shares()]
-        cheap = {e for share in shares for e in share if sum(own.get(e, 0) for own in shares) < _LEAST}
+        # A state costs more than its terms: it sleeps while its effect is absent.
+        asleep = {e for z in memory.values() for e in derived.needs.get(z) or ()}
+        cheap = {e for share in shares for e in share if sum(own.get(e, 0) for own in shares) < _LEAST} - asleep
         if not cheap:
             return observed, derived, switches
         switches = {effect: names for effect, names in switches.items() if effect not in cheap}
