@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from discovery.declarations.effect import OSCILLATOR
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal, Parameter, natural_scale
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform, Normal, Parameter, natural_scale
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
@@ -200,6 +200,16 @@ def test_the_log_normal_prior_is_scipys(median: float, log_sd: float, x: list[fl
 def test_priors_are_normalised(prior: Normal | HalfStudent | LogNormal) -> None:
     mass, _ = integrate.quad(lambda x: math.exp(prior.log_density(x)), -3.0, 400.0, points=[0.0, 0.5, 5.0], limit=200)
     assert mass == pytest.approx(1.0, abs=1e-6)
+
+
+def test_an_order_of_magnitude_may_be_unknown() -> None:
+    """Every factor is as likely, of either sign; the guess in the middle bounds it and is no preference."""
+    prior = LogUniform(0.3, 1e4)
+    x = np.array([1e-4, 0.3, 20.0, 2e3])
+    np.testing.assert_allclose(prior.log_density(x), -np.log(x) - np.log(2 * np.log(1e4)))
+    np.testing.assert_allclose(prior.log_density(-x), prior.log_density(x))
+    assert (prior.log_density(np.array([0.0, 1e-5, 4e3])) == -np.inf).all()
+    assert prior.log_sd == pytest.approx(np.std(np.linspace(-np.log(1e4), np.log(1e4), 200_001)), rel=1e-4)
 
 
 def test_a_flat_prior_prefers_nothing() -> None:

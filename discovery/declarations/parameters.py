@@ -112,6 +112,38 @@ class LogNormal:
 
 
 @dataclass(frozen=True)
+class LogUniform:
+    """Prior of a scale whose order of magnitude is unknown: log abs(x) is uniform; bounds keep the sign.
+
+    Parameters
+    ----------
+    size : float
+        Middle of the magnitudes.
+    factor : float
+        The farthest magnitudes are so many times larger or smaller.
+    """
+
+    size: float
+    factor: float
+
+    def log_density(self, x: ArrayLike) -> FloatArray:
+        """Return the log density; minus infinity outside the magnitudes."""
+        y: FloatArray = np.abs(np.asarray(x, float))
+        inside = (y >= self.size / self.factor) & (y <= self.size * self.factor)
+        return np.where(inside, -np.log(np.where(inside, y, 1.0)) - math.log(2 * math.log(self.factor)), -np.inf)
+
+    @property
+    def width(self) -> float:
+        """The middle."""
+        return self.size
+
+    @property
+    def log_sd(self) -> float:
+        """Standard deviation of log abs(x)."""
+        return math.log(self.factor) / math.sqrt(3)
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One physical constant of an effect or a base: the declaration from which fits, priors and reports follow.
 

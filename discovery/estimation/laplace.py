@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf
 from scipy.optimize import lsq_linear
 
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
@@ -226,6 +226,8 @@ def _width(prior: object, value: float) -> float:
     """Return the width of a prior at a value [natural units]: that of a scale, or with a heavy tail, grows with it."""
     if isinstance(prior, LogNormal):
         return max(abs(value), 1e-3 * prior.median) * prior.log_sd
+    if isinstance(prior, LogUniform):
+        return abs(value) * prior.log_sd
     if isinstance(prior, HalfStudent):
         return float(np.sqrt((3 * prior.scale**2 + value**2) / 4))
     return float(prior.width)  # type: ignore[attr-defined]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from discovery.declarations.parameters import Flat, Normal, Parameter
+from discovery.declarations.parameters import Flat, LogUniform, Normal, Parameter
 from discovery.declarations.system import Constant
 
 #: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
@@ -19,8 +19,9 @@ def constant_parameter(name: str, constant: Constant) -> Parameter:
     """Return the parameter that a constant is, in SI units: known, free, or known within an uncertainty."""
     size = abs(constant.value)
     bounds = (-np.inf, np.inf)
-    prior: Flat | Normal = Flat(size)
+    prior: Flat | LogUniform | Normal = Flat(size)
     if constant.free:
+        prior = LogUniform(size, _FARTHEST)
         near, far = constant.value / _FARTHEST, constant.value * _FARTHEST
         bounds = (min(near, far), max(near, far))
     elif constant.sd is not None:

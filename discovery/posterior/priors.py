@@ -18,7 +18,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Prior
+from discovery.declarations.parameters import HalfStudent, LogNormal, LogUniform, Normal, Prior
 from discovery.foundation.arrays import FloatArray
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior
 from discovery.posterior.noise.model import Logistic
@@ -53,7 +53,7 @@ class MarginalPrior:
     @property
     def sd(self) -> float:
         """Standard deviation within the bounds [SI]; infinite for a flat prior without bounds."""
-        proper = isinstance(self.prior, (Normal, HalfStudent, LogNormal))
+        proper = isinstance(self.prior, (Normal, HalfStudent, LogNormal, LogUniform))
         if not proper and not np.isfinite(self.bounds).all():
             return math.inf
         x = self._grid()
@@ -70,6 +70,9 @@ class MarginalPrior:
             far = np.exp(_REACH * self.prior.log_sd)
             middle = self.prior.median * self.unit
             return np.geomspace(max(lower, middle / far), min(upper, middle * far), _POINTS)
+        if isinstance(self.prior, LogUniform):
+            ends = np.geomspace(1.0 / self.prior.factor, self.prior.factor, _POINTS) * self.prior.size * self.unit
+            return np.clip(ends if upper > 0.0 else -ends[::-1], lower, upper)
         if isinstance(self.prior, HalfStudent):
             # Densely where it is large, and far into its tail.
             size = self.prior.scale * self.unit
@@ -99,6 +102,8 @@ class MarginalPrior:
             return {"law": "half-t", "scale": prior.scale * unit}
         if isinstance(prior, LogNormal):
             return {"law": "log-normal", "median": prior.median * unit, "log_sd": prior.log_sd}
+        if isinstance(prior, LogUniform):
+            return {"law": "log-uniform", "size": prior.size * unit, "factor": prior.factor}
         return {"law": "flat"}
 
 
@@ -144,6 +149,8 @@ def _drawn(prior: Prior, unit: float, low: float, high: float, count: int, rng: 
                 x = unit * scale * np.abs(rng.standard_t(3, count))
             case LogNormal(median, log_sd):
                 x = unit * median * np.exp(rng.normal(0.0, log_sd, count))
+            case LogUniform(size, factor):
+                x = np.copysign(unit * size, low + high) * factor ** rng.uniform(-1.0, 1.0, count)
             case Logistic():
                 x = unit * rng.logistic(size=count)
             case _ if np.isfinite([low, high]).all():

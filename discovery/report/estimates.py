@@ -116,6 +116,8 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
         return f"normal, {uncertain(prior['mean'], prior['sd'])}"
     if law == "half-t":
         return f"half-t, scale {significant(prior['scale'], 2)}"
+    if law == "log-uniform":
+        return f"log-uniform, within a factor of {significant(prior['factor'], 2)} of {significant(prior['size'], 2)}"
     if law == "log-normal":
         return f"log-normal, median {significant(prior['median'], 2)}, log sd {significant(prior['log_sd'], 2)}"
     return str(law)
