@@ -8,7 +8,7 @@ of its acceleration that does not contain q''. `discovery.simulation.kernel.comp
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, ClassVar
@@ -193,6 +193,10 @@ class Base(ABC):
     def reads_pushed(self) -> bool:
         """Whether the instrument reads the one coordinate there is, and a force without a place pushes on that."""
         return self.reads_state
+
+    def drifts(self, effects: Iterable[Effect]) -> bool:
+        """Return whether a force pushes what is read, a position, and nothing pulls it back, with these effects."""
+        return False
 
     def idle(self, q: NDArray, rate: NDArray, values: Mapping[str, float]) -> NDArray:
         """Return the input at which nothing pushes the body, in these states."""

@@ -249,6 +249,11 @@ class DeclaredBase(Base):
         """Return the declared output."""
         return (self._received(self.equations.output),)
 
+    def drifts(self, effects):
+        """Return whether a slow force meets no stiffness, declared or of an effect, where a position is read."""
+        held = any(effect.kind == "potential" for effect in effects)
+        return bool(self.is_pushed and self.order == 0 and self.gradient.any() and not self._return and not held)
+
     @property
     def starts(self) -> int:
         """Two numbers, but one where a rate is read that no spring and no gravity changes."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
+from discovery.declarations.registry import get_effect
 from discovery.foundation.arguments import as_path, as_paths, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
@@ -20,7 +21,7 @@ from discovery.recordings.copies import shared_samples
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
 from discovery.recordings.own_parts import own_parts
-from discovery.recordings.parts import fitted_count, moving_count, moving_part, with_flag
+from discovery.recordings.parts import fitted_count, moving_count, moving_part, thirds_apart, with_flag
 from discovery.recordings.recording import Recording, read_recording
 from discovery.recordings.unit_mistakes import angle_doubt, fall_doubt
 from discovery.recordings.unusable import refuse_unusable
@@ -154,6 +155,9 @@ def load_dataset(
     _distinguish(found, parts)
     found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})
     alone = keep_third and not found["holdout"]
+    if alone and get_base(rig.base).drifts(map(get_effect, rig.declared)):
+        found["train"], found["holdout"] = thirds_apart(found["train"])
+        alone = not found["holdout"]
     dataset = Dataset(
         rig,
         with_flag([_fitted(r, rig, alone=alone) for r in found["train"]]),

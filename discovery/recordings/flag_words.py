@@ -223,6 +223,11 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "the motion has ended before the recording has: its first {kept} of {count} readings are used, up to "
         "{last:.4g} s of {end:.4g} s.",
     ),
+    "third_apart": (
+        "note",
+        "nothing pulls what is read back to a place, so what a prediction misses adds up: the last {held} of {count} "
+        "readings are held out as a recording of their own, of which the start is fitted.",
+    ),
     "searched_in_part": (
         "note",
         "effects are searched on the first {searched} of {count} readings; the models before and after are fitted to "

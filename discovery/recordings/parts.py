@@ -55,6 +55,27 @@ def fitted_count(recording: Recording, *, pushed: bool = True) -> int:
     return max(two_thirds(end), half)
 
 
+def thirds_apart(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
+    """Return what is fitted of driven recordings, and the rest as recordings of their own, with a flag that says so.
+
+    Where nothing pulls a position back, what a prediction misses adds up: continued, it says little of the model.
+    """
+    train, rest = [], []
+    for r in recordings:
+        if r.input is None:
+            return list(recordings), []
+        count, size = fitted_count(r), r.time.size
+        flag = Flag("third_apart", numbers={"fitted": count, "held": size - count, "count": size})
+        train.append(replace(_rows(r, slice(count)), flags=(*r.flags, flag)))
+        rest.append(replace(_rows(r, slice(count, None)), name=f"{r.name}_last_third", flags=()))
+    return train, rest
+
+
+def _rows(r: Recording, part: slice) -> Recording:
+    inputs = None if r.input is None else r.input[part]
+    return replace(r, time=r.time[part], output=r.output[part], input=inputs)
+
+
 def motion_end(recording: Recording, moves: Callable[[int], float], rests: float, *, pushed: bool = True) -> int:
     """Return how many samples, from the first, tell of the motion; all where nothing is seen to move, or to rest.
 
