@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from discovery.recordings.dataset import load_dataset
 from discovery.recordings.parts import fitted_count, motion_over_noise
 from discovery.recordings.recording import Recording
 
@@ -96,3 +97,39 @@ def test_at_rest_without_an_input_nothing_is_told() -> None:
     assert fitted_count(recorded(speed, drive=drive, unit="rad")) == 2000
     assert fitted_count(recorded(speed, drive=drive, unit="rad"), pushed=False) < 1000
     assert fitted_count(recorded(speed, unit="rad/s")) == 2000
+
+
+DRAWN = """
+name = "cart"
+kind = "{kind}"
+[columns]
+time = {{ name = "t", unit = "s" }}
+input = {{ name = "u", unit = "V" }}
+output = {{ name = "y", unit = "mm", noise = 0.1 }}
+[model]
+effects = {effects}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "effects", "apart"),
+    [("drive", ["viscous_damping"], True), ("oscillator", ["viscous_damping", "linear_stiffness"], False)],
+)
+def test_what_nothing_pulls_back_is_judged_from_a_start_of_its_own(tmp_path, kind, effects, apart) -> None:
+    u = np.sin(3.0 * TIME) + np.cos(1.3 * TIME)
+    y = 40.0 * np.sin(1.1 * TIME) + 0.1 * np.random.default_rng(1).standard_normal(TIME.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([TIME, u, y]), delimiter=",", header="t,u,y", comments="")
+    (tmp_path / "rig.toml").write_text(DRAWN.format(kind=kind, effects=effects), encoding="utf-8")
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+    assert [flag.code for flag in data.train[0].recording.flags].count("third_apart") == apart
+    (first,) = data.train
+    if not apart:
+        assert first.fitted_samples == 2000
+        assert not data.holdout
+        return
+    (rest,) = data.holdout
+    assert first.fitted_samples is None
+    assert rest.recording.name == "a_last_third"
+    np.testing.assert_array_equal(np.append(first.recording.time, rest.recording.time), TIME)
+    kept = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"], keep_third=False)
+    assert kept.train[0].recording.time.size == TIME.size

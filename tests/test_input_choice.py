@@ -94,3 +94,14 @@ def test_an_input_that_is_differentiated_cannot_jump(tmp_path):
     rig.write_text(rig.read_text().replace("noise =", 'reads = "acceleration", noise ='))
     with pytest.raises(InputError, match=r'line 6: the second derivative of this input is needed.*Set it to "spline"'):
         load_dataset(rig, files)
+
+
+def test_uneven_steps_leave_the_other_kinds(tmp_path):
+    """Stamps to the millisecond are no even steps: what needs them is passed over, not refused."""
+    rig, files = recorded(tmp_path, "linear")
+    table = np.loadtxt(files[0], delimiter=",", skiprows=1)
+    table[:, 0] += 0.02 * STEP * np.random.default_rng(3).uniform(-1.0, 1.0, len(table))
+    np.savetxt(files[0], table, delimiter=",", header="t_s,u_V,y_mm", comments="")
+    dataset = choose_interpolation(load_dataset(rig, files))
+    assert dataset.rig.columns.input.interpolation in ("spline", "linear")
+    assert "band limited" not in dataset.train[0].recording.notes[-1]
