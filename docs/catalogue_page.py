@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from discovery.declarations.effect import ARM, Effect
-from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Parameter
+from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Parameter, Student
 from discovery.declarations.registry import catalogue
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
@@ -65,6 +65,8 @@ def _formula(text: str) -> str:
 
 def _prior(parameter: Parameter) -> str:
     prior = parameter.prior
+    if isinstance(prior, Student):
+        return f"t, scale {prior.scale:g}"
     if isinstance(prior, HalfStudent):
         return f"half-t, scale {prior.scale:g}"
     if isinstance(prior, Normal):

@@ -10,9 +10,10 @@ from typing import Any
 import driven_oscillator as bench
 import numpy as np
 import pytest
+from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, at_edges, missed, strayed
+from discovery.diagnosis.caution import Caution, acausal, at_edges, missed, strayed_constant
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
@@ -137,7 +138,7 @@ def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
     def doubt(guess: float) -> Caution | None:
         (tmp_path / "rig.toml").write_text(COAST.format(guess=guess))
         data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
-        return strayed(first_fit(data.train, natural_units(data.train)))
+        return strayed_constant(first_fit(data.train, natural_units(data.train)))
 
     # The loss is 0.5 N s/m.
     found = doubt(0.02)
@@ -148,6 +149,54 @@ def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
     assert "ends 25 times as large as its guess of 0.02, and" in words
     assert "state its `value` and `sd`" in words
     assert doubt(0.1) is doubt(20.0) is None
+
+
+HANGING = """
+name = "pendulum"
+[system]
+coordinates = {{ angle = "rad" }}
+kinetic = "inertia*dot(angle)^2/2"
+potential = "-torque*cos(angle)"
+dissipation = "loss*dot(angle)^2/2"
+output = "angle"
+places = {{ pivot = "angle" }}
+[system.constants]
+inertia = {{ guess = {guess}, unit = "kg m^2" }}
+torque = {{ value = 2.0, unit = "N m" }}
+loss = {{ guess = 0.1, unit = "N m s" }}
+[columns]
+time = {{ name = "t", unit = "s" }}
+output = {{ name = "y", unit = "rad", noise = 0.001 }}
+"""
+
+
+def test_an_inertia_that_vanishes_is_doubted_and_a_loss_is_not(tmp_path: Path) -> None:
+    """The inertia is 0.02 kg m^2, and there is no loss."""
+    time = np.arange(0.0, 8.0, 0.02)
+    angle = 0.02 * np.cos(10.0 * time) + 0.001 * np.random.default_rng(1).standard_normal(time.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, angle]), delimiter=",", header="t,y", comments="")
+
+    def doubt(guess: float) -> Caution | None:
+        (tmp_path / "rig.toml").write_text(HANGING.format(guess=guess))
+        data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+        return strayed_constant(first_fit(data.train, natural_units(data.train)))
+
+    found = doubt(0.5)
+    assert found is not None
+    assert found.about == "inertia"
+    assert "ends 25 times smaller than its guess of 0.5, and" in caution_sentence(found.summary())
+    assert doubt(0.03) is None
+
+
+def test_an_output_that_moves_before_its_input_is_doubted() -> None:
+    drive = pushes(1.0, -1.5, 0.7, 0.0)
+    for tau, ahead in ((-0.05, True), (0.05, False), (0.0, False)):
+        late = recorded("r", drive, 1, tau=tau)
+        found = acausal(fit(Model("oscillator", (*DECLARED, "sensor_delay")), [late], start=TRUTH))
+        assert (found is not None) is ahead
+        if found is not None:
+            assert found.numbers["ahead"] == pytest.approx(0.05, abs=0.01)
+            assert "before the input does" in caution_sentence(found.summary())
 
 
 def test_a_miss_names_the_undetermined_parameter_that_it_hangs_on(tmp_path: Path) -> None:

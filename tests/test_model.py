@@ -12,7 +12,17 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from discovery.declarations.effect import OSCILLATOR
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform, Normal, Parameter, natural_scale
+from discovery.declarations.parameters import (
+    Flat,
+    HalfStudent,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Parameter,
+    Prior,
+    Student,
+    natural_scale,
+)
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
@@ -196,8 +206,8 @@ def test_the_log_normal_prior_is_scipys(median: float, log_sd: float, x: list[fl
     assert (got[values <= 0] == -math.inf).all()
 
 
-@pytest.mark.parametrize("prior", [Normal(0.3, 0.2), HalfStudent(0.4), LogNormal(0.5, 0.6)])
-def test_priors_are_normalised(prior: Normal | HalfStudent | LogNormal) -> None:
+@pytest.mark.parametrize("prior", [Normal(0.3, 0.2), HalfStudent(0.4), Student(0.02), LogNormal(0.5, 0.6)])
+def test_priors_are_normalised(prior: Prior) -> None:
     mass, _ = integrate.quad(lambda x: math.exp(prior.log_density(x)), -3.0, 400.0, points=[0.0, 0.5, 5.0], limit=200)
     assert mass == pytest.approx(1.0, abs=1e-6)
 

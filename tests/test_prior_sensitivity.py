@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform, Normal
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform, Normal, Student
 from discovery.posterior.priors import MarginalPrior, prior_effects
 
 EVERYWHERE = (-math.inf, math.inf)
@@ -23,6 +23,7 @@ EVERYWHERE = (-math.inf, math.inf)
         (Normal(0.0, 1.0), 2.0, (0.0, math.inf), 2.0 * stats.halfnorm.std()),
         (Normal(1.0, 2.0), 1.0, (0.0, 1.5), stats.truncnorm(-0.5, 0.25, 1.0, 2.0).std()),
         (HalfStudent(0.3), 10.0, (0.0, math.inf), 3.0 * math.sqrt(3.0 - 12.0 / math.pi**2)),
+        (Student(0.3), 10.0, EVERYWHERE, 3.0 * math.sqrt(3.0)),
         (LogNormal(2.0, 0.7), 5.0, (1e-3, math.inf), stats.lognorm(0.7, scale=10.0).std()),
         (LogUniform(2.0, 100.0), 3.0, (0.06, 600.0), 6.0 * stats.loguniform.std(0.01, 100.0)),
         (LogUniform(2.0, 100.0), 3.0, (-600.0, -0.06), 6.0 * stats.loguniform.std(0.01, 100.0)),

@@ -14,12 +14,13 @@ from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 from discovery.equations.model import Model
 from discovery.estimation.fit import fit
 from discovery.estimation.holdout import HoldOut
-from discovery.screening.refits import finish
+from discovery.screening.refits import finish, settle
 from discovery.selection import linearise
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import finished, settled
+from discovery.selection.neighbours import Neighbours
 from discovery.selection.odds import Odds, _against, odds_of
 from discovery.selection.offers import Offers
 from discovery.selection.search import Search
@@ -460,3 +461,20 @@ def test_a_set_is_refitted_from_the_declared_guesses_where_its_fit_went_astray()
     (stuck,), (afresh,) = (finish(root.refit.problem, root.refit.minimum, [lost], afresh=a) for a in (False, True))
     assert afresh.chi2 == pytest.approx(found.chi2, rel=1e-3)
     assert stuck.chi2 > 10 * found.chi2
+
+
+def test_a_candidate_that_leads_the_start_to_a_lower_minimum_is_none() -> None:
+    """A start that its guesses left in a wrong place: whatever is beside it gains, and leads it to the right one."""
+    shared = context()
+    good = begun(shared)
+    assert good.neighbours.lower() is good.root
+    problem = good.root.refit.problem
+    wrong = problem.start({"g": 0.1, "xi": 3.0, "alpha": 30.0})
+    (minimum,) = settle([problem], [wrong], iterations=0)
+    bad = begun(shared)
+    (bad.root,) = contenders(shared, [((), dataclasses.replace(good.root.refit, minimum=minimum))])
+    bad.neighbours = Neighbours(shared, bad.offers, bad.root)
+    led = bad.neighbours.lower()
+    assert led.joint > bad.root.joint + 100
+    assert led.added == ()
+    assert led.refit.values["alpha"] == pytest.approx(9.0, rel=0.02)

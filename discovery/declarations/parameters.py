@@ -68,6 +68,22 @@ class Normal:
 
 
 @dataclass(frozen=True)
+class Student:
+    """Student's t of three degrees of freedom: an amplitude of either sign, mostly small; see `HalfStudent`."""
+
+    scale: float
+
+    def log_density(self, x: ArrayLike) -> FloatArray:
+        """Return the log density."""
+        return HalfStudent(self.scale).log_density(np.abs(np.asarray(x, float))) - math.log(2.0)
+
+    @property
+    def width(self) -> float:
+        """The scale."""
+        return self.scale
+
+
+@dataclass(frozen=True)
 class HalfStudent:
     """Student's t of three degrees of freedom folded onto the non-negative half line: an amplitude, mostly small.
 

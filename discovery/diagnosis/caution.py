@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from discovery.declarations.effect import Sensor
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
 from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
@@ -26,10 +28,9 @@ from discovery.rigs.quantities import QUANTITIES
 SCATTERED = 1.5
 #: Times the training error, a hold-out that is missed by a model which leaves an error there, too.
 _ELSEWHERE = 5.0
+_AHEAD = 2.0  # standard deviations by which an output moves before its input
 #: Part of its range within which a value lies at an edge.
 _EDGE = 1e-3
-#: A guess says of which size a constant is: one that ends so many times as large is of another.
-_STRAYED = 10.0
 #: Such a part of what is left of a recording is a burst where it lies within such a share of it.
 _SHORT = {0.5: 0.1, 0.25: 0.01}
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
@@ -49,9 +50,9 @@ _CREDIBLE = 3.0
 class Caution:
     """One reason not to believe an answer."""
 
-    #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far above its guess),
-    #: "missed" (the hold-out), and of what is left "burst" (where it lies in time), "like_noise" (of the instrument),
-    #: "not_carried", "scattered", "quiet".
+    #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far from its guess),
+    #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
+    #: left "burst" (where it lies in time), "like_noise" (of the instrument), "not_carried", "scattered", "quiet".
     code: str
     #: The parameter, or the recording of a burst; of a miss the parameter that training leaves undetermined and that it
     #: hangs on, if there is one; empty where it is about the whole answer.
@@ -98,17 +99,25 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
     return found
 
 
-def strayed(fitted: Fit) -> Caution | None:
-    """Return the constant of a declared system that ends farthest above its guess; one that vanishes is an answer."""
-    problem, model = fitted.problem, fitted.problem.model
-    guesses = {n: model.parameters[n].default for n in problem.free if model.parameters[n].physical}
-    values = dict(zip(problem.free, fitted.minimum.x.tolist(), strict=False))
-    far = {n: values[n] / guess for n, guess in guesses.items() if n not in problem.gaussian}
-    name, *others = sorted((n for n, times in far.items() if times > _STRAYED), key=lambda n: -far[n]) or [""]
-    if not name:
+def strayed_constant(fitted: Fit) -> Caution | None:
+    """Return the constant of a declared system that ends farthest from its guess; None where none is far from it."""
+    far = strayed(fitted)
+    if not far:
         return None
-    numbers = {"value": values[name], "guess": guesses[name], "unit": fitted.told(name)["unit"], "others": others}
+    name, *others = sorted(far, key=lambda n: -abs(math.log(far[n])))
+    value, unit = fitted.values[name], fitted.told(name)["unit"]
+    numbers = {"value": value, "guess": value / far[name], "unit": unit, "others": others}
     return Caution("strayed", name, numbers=numbers)
+
+
+def acausal(fitted: Fit) -> Caution | None:
+    """Return that the output of a driven system moves before its input does; None where it does not."""
+    driven = any(e.drive is not None for e in fitted.problem.bench.experiments)
+    for effect in fitted.model.terms if driven else ():
+        late = str(effect.lateness()) if isinstance(effect, Sensor) else ""  # a parameter that is a delay itself
+        if fitted.values.get(late, 0.0) < -_AHEAD * (sd := fitted.sd.get(late, math.inf)):
+            return Caution("acausal", late, effect.id(), {"ahead": -fitted.values[late], "sd": sd})
+    return None
 
 
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:

@@ -48,7 +48,9 @@ def hung_on(off: Caution, fitted: Fit) -> Caution:
     _, name, numbers = max(found, key=lambda each: each[0])
     told = {key: fitted.told(name)[key] for key in ("value", "sd", "unit")}
     told["constant"] = fitted.model.parameters[name].physical
-    return replace(off, about=name, numbers={**off.numbers, "undetermined": {**told, **numbers}})
+    added = (e for e in fitted.model.terms if e.id() not in fitted.problem.bench.experiments[0].rig.declared)
+    owner = next((e.id() for e in added if name in {p.name for p in e.parameters()}), "")
+    return replace(off, about=name, effect=owner, numbers={**off.numbers, "undetermined": {**told, **numbers}})
 
 
 def _continued(fitted: Fit, sd: FloatArray) -> tuple[FloatArray, FloatArray]:

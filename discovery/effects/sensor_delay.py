@@ -1,7 +1,7 @@
 """An instrument that is late."""
 
 from discovery.declarations.effect import Sensor
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter, Student
 
 
 class SensorDelay(Sensor):
@@ -14,7 +14,7 @@ class SensorDelay(Sensor):
     """
 
     cite = "Ljung, System Identification (1999), section 4.2"
-    tau = Parameter("s", "delay", (-0.3, 0.3), Normal(0.0, 0.05), starts=(0.01, -0.01), latex=r"\tau")
+    tau = Parameter("s", "delay", (-1.0, 1.0), Student(0.05), starts=(0.01, -0.01, 0.2, 0.7), latex=r"\tau")
 
     def lateness(self):
         """Return the delay [s]."""

@@ -20,6 +20,7 @@ from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import LIGHT_ROD, conventions, known_values
 from discovery.estimation.residual import explains
 from discovery.foundation.errors import ComputationError, InputError
+from discovery.mechanics.systems import declared_base
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 
@@ -38,6 +39,8 @@ _BETTER = 0.5
 _NOISE = 2.0
 #: effects with more declared starts than this are scanned elsewhere; each is followed for so many steps.
 _MOST_STARTS, _FOLLOWED = 12, 15
+#: A guess says of which size a constant is: one that ends so many times as large, or as small, is of another.
+_STRAYED = 10.0
 
 
 def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
@@ -186,6 +189,20 @@ def _freed(found: Fit, experiments: Sequence[Experiment]) -> Fit:
     return _better(found, again, part=1.0)
 
 
+def strayed(found: Fit) -> dict[str, float]:
+    """Return the constants of a declared system that end far from their guesses, and by which factor.
+
+    One that vanishes is an answer, but a mass or a length is not.
+    """
+    problem, model = found.problem, found.problem.model
+    base = declared_base(model.base)
+    inertial = set() if base is None else {x.name for x in base.equations.kinetic.free_symbols}
+    values = dict(zip(problem.free, found.minimum.x.tolist(), strict=False))
+    guessed = {n: model.parameters[n] for n in problem.free if n not in problem.gaussian}
+    far = {n: values[n] / p.default for n, p in guessed.items() if p.physical}
+    return {n: x for n, x in far.items() if x > _STRAYED or (n in inertial and x * _STRAYED < 1.0)}
+
+
 def _is_doubtful(found: Fit) -> bool:
     """Return whether a fit may have ended in a minimum that is not the lowest."""
     problem = found.problem
@@ -196,7 +213,7 @@ def _is_doubtful(found: Fit) -> bool:
     stopped = [problem.model.parameters[name] for name in held]
     # A bound at which an effect is absent is an answer like others.
     beside = any(found.values[p.name] != p.default * problem.units.scale(p) for p in stopped)
-    return beside or not explains(problem, found.chi2, _LEFT)
+    return beside or bool(strayed(found)) or not explains(problem, found.chi2, _LEFT)
 
 
 def _led_fit(model: Model, experiments: Sequence[Experiment], units: NaturalUnits, gaussian: Known) -> Fit | None:

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf
 from scipy.optimize import lsq_linear
 
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform
+from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform, Student
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
@@ -228,6 +228,6 @@ def _width(prior: object, value: float) -> float:
         return max(abs(value), 1e-3 * prior.median) * prior.log_sd
     if isinstance(prior, LogUniform):
         return abs(value) * prior.log_sd
-    if isinstance(prior, HalfStudent):
+    if isinstance(prior, HalfStudent | Student):
         return float(np.sqrt((3 * prior.scale**2 + value**2) / 4))
     return float(prior.width)  # type: ignore[attr-defined]

@@ -47,9 +47,7 @@ class DeclaredBase(Base):
     @cached_property
     def order(self) -> int:
         """Whether positions are read, rates, or accelerations: 0, 1, or 2."""
-        n = type(self).n_coordinates
-        found = self.equations.output.free_symbols
-        _, rates, accelerations = coordinates_of(n)
+        found, (_, rates, accelerations) = self.equations.output.free_symbols, self._moving
         return 2 if found & {*accelerations, s.alpha_m} else 1 if found & {*rates, s.omega_m} else 0
 
     @cached_property
@@ -57,9 +55,14 @@ class DeclaredBase(Base):
         """Every constant as declared or guessed."""
         return {sp.Symbol(n, real=True): c.value for n, c in self.declaration.constants.items()}
 
+    @property
+    def _moving(self) -> tuple[tuple[sp.Symbol, ...], ...]:
+        """Coordinates, their rates and their accelerations."""
+        return coordinates_of(type(self).n_coordinates)
+
     def _at_rest(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression where every coordinate, rate and input is zero."""
-        q, rates, _ = coordinates_of(type(self).n_coordinates)
+        q, rates, _ = self._moving
         return expression.subs(dict.fromkeys((*q, *rates, *INPUT, s.u), 0))
 
     def stiffness(self) -> NDArray:
@@ -67,8 +70,7 @@ class DeclaredBase(Base):
         return self._numbers(self._stiffness())
 
     def _stiffness(self) -> sp.Matrix:
-        q, _, _ = coordinates_of(type(self).n_coordinates)
-        return self._at_rest(sp.hessian(self.equations.potential, q))
+        return self._at_rest(sp.hessian(self.equations.potential, self._moving[0]))
 
     def _numbers(self, expression: sp.Expr) -> NDArray:
         """Return an expression at rest, at the declared and guessed constants."""
@@ -76,8 +78,7 @@ class DeclaredBase(Base):
 
     def mechanics(self, rod=STRAIGHT) -> Mechanics:
         """Return the mathematics: d/dt dT/dq' - dT/dq + dV/dq + dD/dq' = forces."""
-        e, n = self.equations, type(self).n_coordinates
-        q, rates, _ = coordinates_of(n)
+        e, (q, rates, _) = self.equations, self._moving
         pairs = [*zip(q, rates, strict=True), *pairwise(INPUT)]
         momenta = [sp.diff(e.kinetic, rate) for rate in rates]
         mass = tuple(tuple(sp.diff(p, rate) for rate in rates) for p in momenta)
@@ -86,7 +87,7 @@ class DeclaredBase(Base):
             - sp.Add(*[sp.diff(momenta[i], a) * b for a, b in pairs])
             + sp.diff(e.kinetic - e.potential, q[i])
             - sp.diff(e.dissipation, rates[i])
-            for i in range(n)
+            for i in range(len(q))
         ]
         channels: dict[sp.Symbol, Channel] = {}
         assignments: list[tuple[sp.Symbol, sp.Expr]] = []
@@ -118,7 +119,7 @@ class DeclaredBase(Base):
 
     def _place(self, name: str, value: sp.Expr) -> tuple[dict[sp.Symbol, Channel], float, sp.Expr]:
         """Return the channels of a place, its inertia as a force there feels it, and its stiffness over that."""
-        q, rates, _ = coordinates_of(type(self).n_coordinates)
+        q, rates, _ = self._moving
         jacobian = tuple(sp.diff(value, a) for a in q)
         pairs = [*zip(q, rates, strict=True), *pairwise(INPUT)]
 
@@ -158,25 +159,22 @@ class DeclaredBase(Base):
 
     def _loss(self) -> sp.Matrix:
         """Return the matrix of the linear losses at rest."""
-        _, rates, _ = coordinates_of(type(self).n_coordinates)
-        return self._at_rest(sp.hessian(self.equations.dissipation, rates))
+        return self._at_rest(sp.hessian(self.equations.dissipation, self._moving[1]))
 
     def _is_sprung(self, place: str) -> bool:
         """Return whether a linear spring acts across a place, not gravity or another law."""
-        q, _, _ = coordinates_of(type(self).n_coordinates)
+        q = self._moving[0]
         stiffness = self._across(place, sp.hessian(self.equations.potential, q))
         return stiffness != 0 and not stiffness.free_symbols & {*q, *INPUT, s.u}
 
     @cached_property
     def inertia(self) -> NDArray:
         """Mass matrix at rest, shape (n, n)."""
-        _, rates, _ = coordinates_of(type(self).n_coordinates)
-        return self._numbers(sp.hessian(self.equations.kinetic, rates))
+        return self._numbers(sp.hessian(self.equations.kinetic, self._moving[1]))
 
     def _way(self, place: str) -> NDArray:
         """Return the displacement of a place per coordinate, at rest."""
-        q, _, _ = coordinates_of(type(self).n_coordinates)
-        return self._numbers(sp.Matrix([[sp.diff(self.equations.places[place][0], a) for a in q]]))[0]
+        return self._numbers(sp.Matrix([[sp.diff(self.equations.places[place][0], a) for a in self._moving[0]]]))[0]
 
     def places(self):
         """Return the declared places."""
@@ -201,12 +199,11 @@ class DeclaredBase(Base):
         units. Returned: displacement [unit of the place] and time [s] in the linear motion at that frequency with that
         output, at the constants as declared and guessed: they say of which size a law at the place can be.
         """
-        n, turn = type(self).n_coordinates, 1j * frequency
-        q, rates, accelerations = coordinates_of(n)
+        turn, (q, rates, accelerations) = 1j * frequency, self._moving
         force = sp.Matrix(self.mechanics().force)
         stiffness, loss = (-self._numbers(force.jacobian(a)) for a in (q, rates))
-        push = sum(self._numbers(force.diff(a))[:, 0] * turn**k for k, a in enumerate(INPUT))
-        push = push + self._numbers(force.diff(s.u))[:, 0]
+        pushed = [*enumerate(INPUT), (0, s.u)]
+        push = sum(self._numbers(force.diff(a))[:, 0] * turn**k for k, a in pushed)
         yields = np.linalg.pinv(stiffness + loss * turn + self.inertia * turn**2)
         motion = yields @ push if np.any(push) else self.shape + 0j
         read = sum(
@@ -229,8 +226,7 @@ class DeclaredBase(Base):
     @property
     def reads_pushed(self):
         """Whether the output is the only coordinate, bar a factor, and the first place moves as that."""
-        q, _, _ = coordinates_of(type(self).n_coordinates)
-        first, _ = next(iter(self.equations.places.values()))
+        q, (first, _) = self._moving[0], next(iter(self.equations.places.values()))
         return len(q) == 1 and first == self.equations.output and bool((first / q[0]).is_number)
 
     @property
@@ -250,9 +246,9 @@ class DeclaredBase(Base):
         return (self._received(self.equations.output),)
 
     def drifts(self, effects):
-        """Return whether a slow force meets no stiffness, declared or of an effect, where a position is read."""
-        held = any(effect.kind == "potential" for effect in effects)
-        return bool(self.is_pushed and self.order == 0 and self.gradient.any() and not self._return and not held)
+        """Return whether a slow force meets no stiffness, of the system or of an effect, where a position is read."""
+        held = self._return or self.order or any(effect.kind == "potential" for effect in effects)
+        return not held and self.is_pushed and bool(self.gradient.any())
 
     @property
     def starts(self) -> int:
@@ -287,7 +283,7 @@ class DeclaredBase(Base):
     @cached_property
     def gradient(self) -> NDArray:
         """What is read per coordinate, or per rate or acceleration where these are read, at rest, shape (n,)."""
-        moving = coordinates_of(type(self).n_coordinates)[self.order]
+        moving = self._moving[self.order]
         slopes = [sp.diff(self.equations.output, a).subs(dict.fromkeys(moving, 0)) for a in moving]
         return self._numbers(sp.Matrix([slopes]))[0]
 
@@ -298,7 +294,7 @@ class DeclaredBase(Base):
         if not way.any():
             return way
         stiffness = self.stiffness()
-        # A little of the inertia decides where no spring does: the body moves as a whole.
+        # Where no spring does a little of the inertia decides: the body moves as a whole.
         small = 1e-9 * max(np.abs(stiffness).max() / np.abs(self.inertia).max(), 1e-12)
         shape = np.linalg.solve(stiffness + small * self.inertia, way)
         return shape / (way @ shape)

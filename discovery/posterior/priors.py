@@ -18,7 +18,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from discovery.declarations.parameters import HalfStudent, LogNormal, LogUniform, Normal, Prior
+from discovery.declarations.parameters import HalfStudent, LogNormal, LogUniform, Normal, Prior, Student
 from discovery.foundation.arrays import FloatArray
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior
 from discovery.posterior.noise.model import Logistic
@@ -53,7 +53,7 @@ class MarginalPrior:
     @property
     def sd(self) -> float:
         """Standard deviation within the bounds [SI]; infinite for a flat prior without bounds."""
-        proper = isinstance(self.prior, (Normal, HalfStudent, LogNormal, LogUniform))
+        proper = isinstance(self.prior, (Normal, Student, HalfStudent, LogNormal, LogUniform))
         if not proper and not np.isfinite(self.bounds).all():
             return math.inf
         x = self._grid()
@@ -73,10 +73,10 @@ class MarginalPrior:
         if isinstance(self.prior, LogUniform):
             ends = np.geomspace(1.0 / self.prior.factor, self.prior.factor, _POINTS) * self.prior.size * self.unit
             return np.clip(ends if upper > 0.0 else -ends[::-1], lower, upper)
-        if isinstance(self.prior, HalfStudent):
+        if isinstance(self.prior, HalfStudent | Student):
             # Densely where it is large, and far into its tail.
             size = self.prior.scale * self.unit
-            first, last = np.arcsinh([lower / size, min(upper / size, _FAR)])
+            first, last = np.arcsinh(np.clip([lower / size, upper / size], -_FAR, _FAR))
             return size * np.sinh(np.linspace(first, last, _POINTS))
         if isinstance(self.prior, Normal):
             middle, reach = self.prior.mean * self.unit, _REACH * self.prior.sd * self.unit
@@ -87,8 +87,8 @@ class MarginalPrior:
         """Return the prior so many times as wide, with the same centre and bounds; a flat one stays what it is."""
         if isinstance(self.prior, Normal):
             return replace(self, prior=replace(self.prior, sd=factor * self.prior.sd))
-        if isinstance(self.prior, HalfStudent):
-            return replace(self, prior=HalfStudent(factor * self.prior.scale))
+        if isinstance(self.prior, HalfStudent | Student):
+            return replace(self, prior=replace(self.prior, scale=factor * self.prior.scale))
         if isinstance(self.prior, LogNormal):
             return replace(self, prior=replace(self.prior, log_sd=factor * self.prior.log_sd))
         return self
@@ -100,6 +100,8 @@ class MarginalPrior:
             return {"law": "normal", "mean": prior.mean * unit, "sd": prior.sd * unit}
         if isinstance(prior, HalfStudent):
             return {"law": "half-t", "scale": prior.scale * unit}
+        if isinstance(prior, Student):
+            return {"law": "t", "scale": prior.scale * unit}
         if isinstance(prior, LogNormal):
             return {"law": "log-normal", "median": prior.median * unit, "log_sd": prior.log_sd}
         if isinstance(prior, LogUniform):
@@ -147,6 +149,8 @@ def _drawn(prior: Prior, unit: float, low: float, high: float, count: int, rng: 
                 x = unit * rng.normal(mean, sd, count)
             case HalfStudent(scale):
                 x = unit * scale * np.abs(rng.standard_t(3, count))
+            case Student(scale):
+                x = unit * scale * rng.standard_t(3, count)
             case LogNormal(median, log_sd):
                 x = unit * median * np.exp(rng.normal(0.0, log_sd, count))
             case LogUniform(size, factor):

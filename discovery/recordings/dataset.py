@@ -154,13 +154,10 @@ def load_dataset(
     _refuse_twins(found)
     _distinguish(found, parts)
     found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})
-    alone = keep_third and not found["holdout"]
-    if alone and get_base(rig.base).drifts(map(get_effect, rig.declared)):
-        found["train"], found["holdout"] = thirds_apart(found["train"])
-        alone = not found["holdout"]
+    to_fit, found["holdout"] = _to_fit(rig, found, keep_third=keep_third)
     dataset = Dataset(
         rig,
-        with_flag([_fitted(r, rig, alone=alone) for r in found["train"]]),
+        to_fit,
         # The start of one that judges is fitted to its motion; its errors are told of all of it.
         with_flag([make_experiment(r, rig, fitted_samples=moving_count(r)) for r in found["holdout"]]),
         tuple(make_experiment(r, rig) for r in found["test"]),
@@ -184,6 +181,17 @@ def _clock_zero(recordings: Sequence[Recording]) -> float:
     """
     first, last = min(r.time[0] for r in recordings), max(r.time[-1] for r in recordings)
     return float(first) if abs(first) > last - first else 0.0
+
+
+def _to_fit(
+    rig: Rig, found: dict[str, list[Recording]], *, keep_third: bool
+) -> tuple[tuple[Experiment, ...], list[Recording]]:
+    """Return what is fitted and what is held out: where nothing is, a last third of each training recording."""
+    train, held = found["train"], found["holdout"]
+    alone = keep_third and not held
+    if alone and get_base(rig.base).drifts(map(get_effect, rig.declared)):
+        train, held = thirds_apart(train)
+    return with_flag([_fitted(r, rig, alone=alone and not held) for r in train]), held
 
 
 def _fitted(recording: Recording, rig: Rig, *, alone: bool) -> Experiment:

@@ -26,11 +26,22 @@ def _value(found: Record) -> str:
 
 def _strayed(found: Record) -> str:
     numbers = found["numbers"]
-    others = f" ({', '.join(numbers['others'])}: far above the guess, too)" if numbers["others"] else ""
+    others = f" ({', '.join(numbers['others'])}: far from the guess, too)" if numbers["others"] else ""
+    times = numbers["value"] / numbers["guess"]
+    size = f"{figures(times, 2)} times as large as" if times > 1.0 else f"{figures(1.0 / times, 2)} times smaller than"
     return (
-        f"{_value(found)} of the declared model ends {figures(numbers['value'] / numbers['guess'], 2)} times as large "
-        f"as its guess of {figures(numbers['guess'])}{others}, and added effects may make up for it: state its `value` "
-        "and `sd` from a data sheet or a scale, or check units and signs of what the rig file states"
+        f"{_value(found)} of the declared model ends {size} its guess of {figures(numbers['guess'])}{others}, and "
+        "added effects may make up for it: state its `value` and `sd` from a data sheet or a scale, or check units and "
+        "signs of what the rig file states"
+    )
+
+
+def _acausal(found: Record) -> str:
+    ahead, sd = (quoted(found["numbers"][n], "s") for n in ("ahead", "sd"))
+    return (
+        f"what is read moves {ahead} (+- {sd}) before the input does: check the time of either column, and whether the "
+        "input follows the output through a controller, as a command in a closed loop does; then the loop has to be "
+        'declared (`kind = "servo"`), or what the controller does not make recorded as the input'
     )
 
 
@@ -52,10 +63,14 @@ def _missed(found: Record) -> str:
 def _hung(found: Record) -> str:
     told, name = found["numbers"]["undetermined"], found["about"]
     remedy = f"state {name}" if told["constant"] else f"declare a system without {name} (docs/YOUR_SYSTEM.md)"
+    remedy += ": what was refused for its held-out loss may be right"
+    if found["effect"]:
+        # It was added: there is nothing to leave out of a declaration.
+        remedy = f"do not count on {effect_name(found['effect'])}: a simpler law may predict better"
     return (
         f", and that hangs on {name} = {estimate_text(told['value'], told['sd'], told['unit'])}, which training leaves "
         f"undetermined: moved by {figures(abs(told['sds']), 2)} sds it leaves {figures(100 * told['left'], 2)} % of "
-        f"it. Hold out whole recordings (--holdout), or {remedy}: what was refused for its held-out loss may be right"
+        f"it. Hold out whole recordings (--holdout), or {remedy}"
     )
 
 
@@ -112,6 +127,7 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         "faster motions"
     ),
     "strayed": _strayed,
+    "acausal": _acausal,
     "effect_edge": lambda found: (
         f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
         "check the constants that the rig file states, units and signs"

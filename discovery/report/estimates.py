@@ -114,8 +114,8 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
     law = prior["law"]
     if law == "normal":
         return f"normal, {uncertain(prior['mean'], prior['sd'])}"
-    if law == "half-t":
-        return f"half-t, scale {significant(prior['scale'], 2)}"
+    if law in ("half-t", "t"):
+        return f"{law}, scale {significant(prior['scale'], 2)}"
     if law == "log-uniform":
         return f"log-uniform, within a factor of {significant(prior['factor'], 2)} of {significant(prior['size'], 2)}"
     if law == "log-normal":

@@ -136,7 +136,7 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     context.progress("refitting the declared model")
     before, context, whole = in_its_units(first_fit(context.train, context.units), context, whole)
     before = sought(before, context)
-    search = Search(_start(before, context), context)
+    before, search = _searching(before, context)
     if (left := variance_left(before.problem, before.chi2)) > _MOST:
         search.decisions.append(Decision("declare", (), False, "astray", {"left": left}))
     doubted = impossible(flag for e in (*context.train, *context.judge.separate) for flag in e.recording.flags)
@@ -180,6 +180,15 @@ def _start(before: Fit, context: Context) -> Fit:
     if before.problem.bench.effects == context.kernel_effects(before.model):
         return before
     return context.fit(before.model, before.values, before.problem.gaussian)
+
+
+def _searching(before: Fit, context: Context) -> tuple[Fit, Search]:
+    """Return the declared model's fit and the search from it; a candidate that leads it to a lower minimum is none."""
+    search = Search(_start(before, context), context)
+    if search.root.model.mechanics.approximates or (led := search.neighbours.lower()) is search.root:
+        return before, search
+    before = context.fit(before.model, led.refit.values, before.problem.gaussian)
+    return before, Search(before, context)
 
 
 def _declared(before: Fit, context: Context) -> Contender:

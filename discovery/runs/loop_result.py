@@ -147,7 +147,7 @@ class LoopResult(LoopViews):
         error = self.model_error
         off = caution.missed(self.errors, left=error.after, held=error.held, least=error.least)
         off = hung_on(off, self.after) if off else off
-        found = [None if self.impossible else off, caution.strayed(self.after)]
+        found = [None if self.impossible else off, caution.strayed_constant(self.after), caution.acausal(self.after)]
         if self.added:
             found.append(caution.not_carried(self.errors))
         if not self.complete and not self.impossible:

@@ -45,9 +45,15 @@ class Neighbours:
         if (key := (found.key, found.chi2, effect)) not in self._smaller:
             rest = tuple(e for e in found.added if e != effect)
             known = self.offers.known(rest, found.model.base)
-            made = contenders(self.context, [(rest, relaxed(found.refit, [effect]))]) if rest else [self.root]
-            self._smaller[key] = max([*made, *known], key=lambda c: c.joint)
+            made = contenders(self.context, [(rest, relaxed(found.refit, [effect]))])
+            self._smaller[key] = max([*made, *(known if rest else [self.root])], key=lambda c: c.joint)
         return self._beside(found, self._smaller[key])
+
+    def lower(self) -> Contender:
+        """Return the start, from where the likeliest set beside it leads it if that is a likelier minimum."""
+        offered = self.offers.beside(self.root) if self.root.is_far else []
+        led = [self.without(c, c.added[-1]) for c in offered[:1] if np.isfinite(c.joint)]
+        return next((c for c in led if c.joint > self.root.joint + self.context.settings.nats), self.root)
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first."""
