@@ -53,7 +53,7 @@ from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
 from discovery.report.sentences import model_error_words
 from discovery.report.style import decimate, new_figure
-from discovery.report.words import headline, prose
+from discovery.report.words import headline, origin, prose
 from discovery.results.provenance import read_json, write_json
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
@@ -1414,3 +1414,11 @@ def test_what_is_missed_held_out_is_told(held: float, ahead: float, said: str) -
     numbers = {**synthetic_run.odds(50.0, held), "ahead": ahead}
     step = synthetic_run.decision("add", "wind", accepted=False, code="held_out", numbers=numbers)
     assert said in sentences.decision_sentence(step)
+
+
+def test_the_name_of_a_rig_does_not_say_where_its_recordings_are_from(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    results["rig"]["name"] = "twin rotor, simulated by no one"
+    assert origin(Run(tmp_path, results)) == ""
+    results["data_note"] = "A twin made them."
+    assert origin(Run(tmp_path, results)) == "A twin made them."

@@ -184,9 +184,5 @@ def _with_rivals(effect: Mapping[str, Any]) -> str:
 
 
 def origin(run: Run) -> str:
-    """Return what must be said about the data before anything else; empty where there is nothing."""
-    note = run.results.get("data_note") or run.results["rig"].get("data_note") or ""
-    name = run.results["rig"]["name"].lower()
-    if not note and any(word in name for word in ("simulated", "twin")):
-        note = "These recordings are simulated, not measured."
-    return str(note)
+    """Return the note that was given on the data, from which alone its origin is known: a rig's name says nothing."""
+    return str(run.results.get("data_note") or "")
