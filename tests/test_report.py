@@ -1416,6 +1416,21 @@ def test_what_is_missed_held_out_is_told(held: float, ahead: float, said: str) -
     assert said in sentences.decision_sentence(step)
 
 
+@pytest.mark.parametrize("code", ["accepted", "unknown"])
+@pytest.mark.parametrize(
+    ("train", "held", "said"),
+    [
+        (114.0, -93.5, "gains 114 nats in training and loses 93.5 held out"),
+        (50.0, 4.25, "gains 50.0 nats in training and 4.25 held out"),
+        (-3.0, -4.0, "loses 3.00 nats in training and 4.00 held out"),
+        (-3.0, 4.0, "loses 3.00 nats in training and gains 4.00 held out"),
+    ],
+)
+def test_gains_and_losses_of_evidence_are_told_as_such(code: str, train: float, held: float, said: str) -> None:
+    step = synthetic_run.decision("add", "wind", accepted=True, code=code, numbers=synthetic_run.odds(train, held))
+    assert said in sentences.decision_sentence(step)
+
+
 def test_the_name_of_a_rig_does_not_say_where_its_recordings_are_from(tmp_path: Path) -> None:
     results = synthetic_run.write_oscillator_run(tmp_path)
     results["rig"]["name"] = "twin rotor, simulated by no one"
