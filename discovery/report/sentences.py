@@ -208,9 +208,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
         f"the declared model leaves {plain(100 * numbers.get('left', math.nan), 2)} % of the variance: check columns, "
         "signs, units, and that [model] holds the main force"
     ),
-    "unknown": lambda numbers: (
-        f"a force of no law; as a function of position and rate it {_both(numbers)}"
-    ),
+    "unknown": lambda numbers: f"a force of no law; as a function of position and rate it {_both(numbers)}",
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
     "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
     "budget": _budget,

@@ -52,6 +52,8 @@ _ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _LONG = re.compile(r"(?<![\w.])\d{5,}(?![\w.])")
 #: A letter with an index; the name of a file is none.
 _SYMBOL = re.compile(r"(?<![\w./-])([^\W\d_])_(\w+)\b(?!\.\w)")
+#: A word that no sentence capitalises: one with an index, a digit or a capital inside, of a function, or with a value.
+_IDENTIFIER = re.compile(r"[^\W\d][^\W\d_A-Z]*(?:[\dA-Z_<(]| = )")
 _TENS = re.compile(r"(?<=[\d)])e([+-]?\d+)\b")
 
 
@@ -90,8 +92,14 @@ def values_text(parameters: Mapping[str, Mapping[str, Any]], coordinate: str) ->
 
 
 def sentence(text: str) -> str:
-    """Return text with a capital first letter, but for a symbol."""
-    return text[:1].upper() + text[1:] if text[:2].isascii() and text[1:2] not in tuple("_<") else text
+    """Return text with a capital first letter, unless it begins with a symbol or another identifier.
+
+    Examples
+    --------
+    >>> sentence("a force is left"), sentence("motor_loss = 3 is far off"), sentence("mass = 3 kg is far off")
+    ('A force is left', 'motor_loss = 3 is far off', 'mass = 3 kg is far off')
+    """
+    return text if not text[:2].isascii() or _IDENTIFIER.match(text) else text[:1].upper() + text[1:]
 
 
 def clause(text: str) -> Markup:
