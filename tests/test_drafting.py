@@ -327,6 +327,31 @@ def test_what_runs_on_is_driven_by_a_constant_in_any_unit(unit: str, tmp_path: P
     )
 
 
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({}, "M1, ball_m (vary: name one with --input if it drives, or with --output if it is the motion)"),
+        ({"output": "beam_rad"}, "M1, ball_m (vary: name one with --input if it drives)"),
+        ({"input": "M1"}, "ball_m (varies: name it with --output if it is the motion)"),
+        ({"input": "M1", "output": "beam_rad"}, "ball_m"),
+    ],
+)
+def test_columns_left_that_vary_may_have_a_role(
+    more: dict[str, str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    others = (np.arange(TIME.size), TIME, 0.1 * SWING, HELD, driven(0.0))
+    path = written(tmp_path, "a.csv", "t_s,count,clock_time_s,beam_rad,M1,ball_m", TIME, *others)
+    options = [part for role, name in more.items() for part in (f"--{role}", name)]
+    told = call(capsys, "init", path, *options)
+    text = (tmp_path / "rig.toml").read_text()
+    line = next(line for line in text.splitlines() if line.startswith("# not used: "))
+    assert line.removeprefix("# not used: count, clock_time_s, ").removeprefix("# not used: ") == said
+    assert (f"not used: count, clock_time_s, {said}\n" in told.out) == ("--" in said)
+    assert "nothing drives" not in text
+    if not more:
+        assert "guessed: an angle, and no column is known to drive it" in text
+
+
 @pytest.mark.parametrize("name", ["counts", "x_mm", "angle_rad"])
 def test_a_constant_that_is_named_is_the_input(name: str, tmp_path: Path) -> None:
     step = 5.0 * (1.0 - np.exp(-0.5 * TIME) * (np.cos(4.0 * TIME) + np.sin(4.0 * TIME) / 8.0))

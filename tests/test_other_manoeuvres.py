@@ -161,6 +161,19 @@ def test_the_sentences_say_what_to_do() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("times", "far"), [(1.5, ""), (450.0, ", 450 times as far"), (np.inf, "every motion blows up")]
+)
+@pytest.mark.parametrize(("which", "remedy"), [(course, "feed the output back"), (release, "shorter recordings")])
+def test_larger_motions_are_not_advised_for_what_runs_away(which, remedy: str, times: float, far: str) -> None:
+    record = which().summary()
+    said = separation_sentence(record | {"decides": False, "deflection": times * record["limits"]["deflection"]})
+    assert far in said
+    assert (remedy in said) == (times > 3.0)
+    assert ("larger motions" in said) == (times < 3.0)
+    assert ("times as far" in said) == (3.0 < times < np.inf)
+
+
 def page_with(folder: Path, *designs: Separation, decides: bool = True) -> str:
     """Return the page of a run whose loop designed manoeuvres."""
     results = write_arm_run(folder)

@@ -53,7 +53,7 @@ from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
 from discovery.report.sentences import model_error_words
 from discovery.report.style import decimate, new_figure
-from discovery.report.words import headline, prose
+from discovery.report.words import headline, origin, page_prose, prose, sentence
 from discovery.results.provenance import read_json, write_json
 from discovery.selection.decision import Decision
 from discovery.selection.settings import LoopSettings
@@ -1414,3 +1414,44 @@ def test_what_is_missed_held_out_is_told(held: float, ahead: float, said: str) -
     numbers = {**synthetic_run.odds(50.0, held), "ahead": ahead}
     step = synthetic_run.decision("add", "wind", accepted=False, code="held_out", numbers=numbers)
     assert said in sentences.decision_sentence(step)
+
+
+@pytest.mark.parametrize("code", ["accepted", "unknown"])
+@pytest.mark.parametrize(
+    ("train", "held", "said"),
+    [
+        (114.0, -93.5, "gains 114 nats in training and loses 93.5 held out"),
+        (50.0, 4.25, "gains 50.0 nats in training and 4.25 held out"),
+        (-3.0, -4.0, "loses 3.00 nats in training and 4.00 held out"),
+        (-3.0, 4.0, "loses 3.00 nats in training and gains 4.00 held out"),
+    ],
+)
+def test_gains_and_losses_of_evidence_are_told_as_such(code: str, train: float, held: float, said: str) -> None:
+    step = synthetic_run.decision("add", "wind", accepted=True, code=code, numbers=synthetic_run.odds(train, held))
+    assert said in sentences.decision_sentence(step)
+
+
+def test_the_name_of_a_rig_does_not_say_where_its_recordings_are_from(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    results["rig"]["name"] = "twin rotor, simulated by no one"
+    assert origin(Run(tmp_path, results)) == ""
+    results["data_note"] = "A twin made them."
+    assert origin(Run(tmp_path, results)) == "A twin made them."
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("rolling_loss = 100 N s m^-1 ends far off", "rolling_loss = 100 N s m⁻¹ ends far off"),
+        ("loss = 100 N s ends far off", "loss = 100 N s ends far off"),
+        ("f = 3 N ends far off", "f = 3 N ends far off"),
+        ("f_c = 3 N ends far off", "f<sub>c</sub> = 3 N ends far off"),
+        ("k3 ends far off", "k3 ends far off"),
+        ("alpha ends far off", "α ends far off"),
+        ("sensor_delay ends far off", "Sensor delay ends far off"),
+        ("a model error is left", "A model error is left"),
+        ("half of what is left", "Half of what is left"),
+    ],
+)
+def test_a_sentence_begins_with_a_capital_and_identifiers_keep_their_letters(text: str, said: str) -> None:
+    assert sentence(page_prose(text)) == said

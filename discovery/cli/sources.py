@@ -45,7 +45,7 @@ def init(
     A rig file that is there already is not touched.
     """
     from discovery.drafting.overview import overview, overview_lines
-    from discovery.drafting.rig_text import draft
+    from discovery.drafting.rig_text import drafted
     from discovery.foundation.errors import InputError
     from discovery.foundation.io import atomic_write
     from discovery.recordings.dataset import load_dataset
@@ -55,7 +55,7 @@ def init(
         raise InputError(f"{place} is there already. Change it, or name another file with --out.")
     chosen = {"time": time, "input": given, "output": output}
     writable(place.parent)
-    text = draft(recordings, place.parent, holdout=holdout, kind=kind, rate=rate, chosen=chosen)
+    text, unused = drafted(recordings, place.parent, holdout=holdout, kind=kind, rate=rate, chosen=chosen)
     with atomic_write(place) as beside:
         beside.write_text(text, encoding="utf-8")
     try:
@@ -67,6 +67,8 @@ def init(
         return
     for line in overview_lines(dataset, overview(dataset)):
         click.echo(line)
+    if "--" in unused:
+        click.echo(f"not used: {unused}")
     click.echo(f"written: {place}")
     click.echo(f"next: look at its guesses, then `discovery loop {place} --out {place.with_suffix('')}_loop`")
 

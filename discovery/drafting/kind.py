@@ -62,10 +62,11 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
     """
     found = recordings[0]
     unit, name = si_symbol(found.output.unit), found.path.name
+    free = "no column is known to drive it" if found.unused else "nothing drives it"
     if found.reads == "speed":
         return Guess("system", "a speed is read by a system in its own equations: docs/YOUR_SYSTEM.md")
     if found.reads == "height" and found.input is None and unit == "m":
-        return Guess("falling_body", "the output is a height, and nothing drives it")
+        return Guess("falling_body", f"the output is a height, and {free}")
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
     hanging = "pend" in f"{found.path.stem} {found.output.name}".lower()
@@ -76,8 +77,8 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
     if found.input is None:
         if unit == "rad":
             again = f"discovery init {name} --kind oscillator"
-            return Guess("pendulum", f"an angle that nothing drives; on a torsion spring: `{again}`")
-        return Guess("oscillator", "nothing drives it")
+            return Guess("pendulum", f"an angle, and {free}; on a torsion spring: `{again}`")
+        return Guess("oscillator", free)
     if found.reads == "acceleration":
         return Guess("oscillator", "an acceleration does not tell whether anything pulls it back")
     swing = swing_of(recordings)

@@ -48,6 +48,11 @@ def trial_rows(found: Signals) -> list[str]:
     return [f", where = {{ {_key(column)} = {value} }}" for value in said]
 
 
+def trial_column(found: Signals) -> str:
+    """Return the column that tells the trials of a file apart; empty where none does."""
+    return _trials(open_table(found.path)[0], found.seconds, found.unused)[0]
+
+
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted_text(name)
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_colu
 from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.record_lines import quoted_text, record_lines, trial_rows
 from discovery.drafting.signals import Signal, Signals, angle_unit, find_signals, open_table
+from discovery.drafting.unused import DIFFERS, unused_words
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
@@ -29,10 +30,15 @@ from discovery.rigs.kinds import KINDS
 _BESIDE = 3.0
 #: What absorbs an error of a zero, whatever the law of motion: it shifts the readings.
 _OFF = "angle_offset"
-#: What is said of a column, or of several, with one number in each recording.
-_DIFFERS = "is held, and differs between recordings", "are held, and differ between recordings"
 #: Share of the steps of a held input that are none, and of its range that it jumps by.
 _HELD, _JUMP = 0.5, 0.05
+
+
+class Drafted(NamedTuple):
+    """The text of a rig file, and what is said of the columns that it leaves out; empty where there are none."""
+
+    text: str
+    unused: str
 
 
 def draft(
@@ -72,6 +78,13 @@ def draft(
     >>> [line for line in text.splitlines() if line.startswith("output")][0].partition("  #")[0]
     'output = { name = "position_mm", unit = "mm" } '
     """
+    return drafted(files, folder, holdout=holdout, kind=kind, rate=rate, chosen=chosen).text
+
+
+def drafted(
+    files: Any, folder: Any = None, *, holdout: Any = (), kind: str | None, rate: float | None, chosen: Any = None
+) -> Drafted:
+    """Draft a rig file as `draft` does, and keep what is said of the columns that it leaves out."""
     remedy = "Give the path of a recording, or a list of them."
     fitted, held = as_paths(files, "files", remedy), as_paths(holdout, "holdout", remedy)
     _check_wishes(kind, rate, chosen)
@@ -80,6 +93,7 @@ def draft(
     path = fitted[0]
     place = path.parent if folder is None else as_path(folder, "folder", "Give the folder of the rig file.")
     rows: list[str] = []
+    unused = ""
     names = open_table(path)[0].columns
     if (kind is None or KINDS[kind].has_rod) and has_columns_of_an_arm(names):
         lines = _arm(path)
@@ -89,10 +103,11 @@ def draft(
         _check(found, guess)
         if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
             found = replace(found, output=replace(found.output, unit=angle_unit(found.output.values)))
-        lines = _system([found, *others], guess)
+        unused = unused_words(found, [role for role, name in (chosen or {}).items() if name is not None])
+        lines = _system([found, *others], guess, unused)
         if len(fitted) == 1 and found.time is not None:
             rows = trial_rows(found)
-    return "\n".join([*lines, "", *record_lines(fitted, held, place, rows)]) + "\n"
+    return Drafted("\n".join([*lines, "", *record_lines(fitted, held, place, rows)]) + "\n", unused)
 
 
 def _check_wishes(kind: str | None, rate: float | None, chosen: Mapping[str, str | None] | None) -> None:
@@ -145,7 +160,7 @@ def _arm(path: Path) -> Iterator[str]:
     yield "# angle_noise_rad = 7e-5          # half a step of the encoder"
 
 
-def _system(recordings: Sequence[Signals], guess: Guess) -> Iterator[str]:
+def _system(recordings: Sequence[Signals], guess: Guess, unused: str) -> Iterator[str]:
     found = recordings[0]
     yield from _top(found.path)
     yield f"kind = {quoted_text(guess.kind)}" + (f"   # guessed: {guess.why}" if guess.why else "")
@@ -165,8 +180,8 @@ def _system(recordings: Sequence[Signals], guess: Guess) -> Iterator[str]:
     yield "[columns]"
     zero = _zero(recordings, guess)
     yield from _columns(found, guess, zero)
-    if found.unused:
-        yield f"# not used: {_unused(found)}"
+    if unused:
+        yield f"# not used: {unused}"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
         yield from _base(found, found.input)
     declared = [*KINDS[guess.kind].declared, *([] if zero is None else [_OFF])]
@@ -177,17 +192,6 @@ def _system(recordings: Sequence[Signals], guess: Guess) -> Iterator[str]:
         if zero is not None:
             yield f"# {_OFF} fits what the guessed zero is off by: take it out where you state a zero that you measured"
         yield f"effects = [{', '.join(map(quoted_text, declared))}]"
-
-
-def _unused(found: Signals) -> str:
-    """Name the columns that are left, and say of which ones nothing but the user can tell whether they drive."""
-    said = [", ".join(name for name in found.unused if name not in found.still)[:300]]
-    for differs, one, several in ((False, "never changes", "never change"), (True, *_DIFFERS)):
-        names = [name for name in found.still if (name in found.differ) is differs]
-        if names:
-            say = f"{one}: name it" if len(names) == 1 else f"{several}: name one"
-            said.append(f"{', '.join(names)[:300]} ({say} with --input if it drives)")
-    return ", ".join(filter(None, said))
 
 
 def _base(found: Signals, base: Signal) -> Iterator[str]:
@@ -215,7 +219,7 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
         if found.input.name in found.differ:
-            yield f"# guessed as the input: it {_DIFFERS[0]}. Remove the line if it does not drive"
+            yield f"# guessed as the input: it {DIFFERS[0]}. Remove the line if it does not drive"
     more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'

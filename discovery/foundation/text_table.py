@@ -174,8 +174,8 @@ def _check_cells(path: Path, lines: IntArray, rows: Sequence[str], separator: st
     blanks = separator == _BLANKS
     twice = bool(top) and not any(map(_is_either_number, _cells(rows[0], separator)))
     taken = f" Line {_quoted(top)} was taken for the names of the columns: if it is a title, {_AWAY}." if top else ""
-    for line, row in zip(lines, rows, strict=True):
-        cells = len(row.split()) if blanks else row.count(separator) + 1
+    sizes = [len(row.split()) if blanks else row.count(separator) + 1 for row in rows]
+    for line, row, cells in zip(lines, rows, sizes, strict=True):
         wrong = f"{path}, line {line}: {cells} cells in a table of {columns} columns."
         if twice and cells != columns:
             raise InputError(f"{wrong}{taken} Line {lines[0]} holds no numbers either.")
@@ -184,10 +184,20 @@ def _check_cells(path: Path, lines: IntArray, rows: Sequence[str], separator: st
                 f"{wrong} Between blanks no cell can be left empty: write nan where there is no reading.{taken}"
             )
         if cells > columns and '"' not in row:
-            raise InputError(
-                f"{wrong} Use a decimal point in numbers, and {'blanks' if blanks else repr(separator)} only between "
-                f"columns.{taken}"
+            point = (
+                f" Use a decimal point in numbers, and {'blanks' if blanks else repr(separator)} only between columns."
             )
+            if top and columns > 1 and not blanks and set(sizes) == {cells}:
+                # Several names, and as many cells in every row: a line of names that is too short, and no title.
+                point = point if separator == "," and not any("." in row for row in rows[:_LOOKED]) else ""
+                taken = f" {'Else line' if point else 'Line'} {_missing(top, cells - columns)}"
+            raise InputError(f"{wrong}{point}{taken}")
+
+
+def _missing(top: str, count: int) -> str:
+    """Return a line of names that lacks some, and what is done about it."""
+    names = "the name of 1 column" if count == 1 else f"the names of {count} columns"
+    return f"{_quoted(top)} lacks {names}: add what is missing, in the order of the columns."
 
 
 def _quoted(row: str) -> str:

@@ -14,6 +14,8 @@ Record = Mapping[str, Any]
 
 #: Predictions that differ by so many noise sds would be told apart, were there no model error.
 _SEEN = 3.0
+#: A system whose gentlest manoeuvre takes it so many times as far as it was recorded is held by nothing.
+_AWAY = 3.0
 
 
 def laws_of(found: Record) -> list[list[str]]:
@@ -66,6 +68,8 @@ def _undecided(found: Record) -> str:
     elif math.isfinite(found["deflection"]):
         far = f"{found['deflection']:.3g} {found['deflection_unit']}"
         best = f"the gentlest {f'deflects the tip by {far}' if arm else f'takes the output to {far}'}"
+        if not arm and _runs_away(found):
+            best += f", {figures(found['deflection'] / most['deflection'], 2)} times as far"
     else:
         best = "every motion blows up"
     if arm:
@@ -80,10 +84,32 @@ def _undecided(found: Record) -> str:
     else:
         reach = f"{most['deflection']:.3g} {found['deflection_unit']}"
         limits = f"{most['duration']:.3g} s, output up to {reach}, as it was recorded"
-        help_ = "An instrument with less noise would help, or larger motions, if they are safe."
+        help_ = (
+            _stay(found)
+            if _runs_away(found)
+            else "An instrument with less noise would help, or larger motions, if they are safe."
+        )
     return (
         f"No manoeuvre within the safe limits ({limits}) tells {', '.join(laws_apart(found))} apart: of "
         f"{found['evaluations']} tried, {best}. {help_}"
+    )
+
+
+def _runs_away(found: Record) -> bool:
+    """Return whether even the gentlest manoeuvre takes what is no arm far beyond where it was recorded."""
+    return bool(found["deflection"] > _AWAY * found["limits"]["deflection"])
+
+
+def _stay(found: Record) -> str:
+    """Return what to do with a system that leaves where it was recorded, whatever a manoeuvre does."""
+    if not found["moves"]:
+        return (
+            "By the models it leaves where it was recorded once it is let go: make shorter recordings, or hold it by "
+            "an input."
+        )
+    return (
+        "By the models an input that does not depend on the output lets it leave where it was recorded: feed the "
+        "output back and add pushes to the input, or make shorter recordings."
     )
 
 

@@ -145,18 +145,19 @@ def decision_sentence(step: Record) -> str:
 def _accepted(numbers: Record) -> str:
     if math.isinf(numbers["train"]) or math.isinf(numbers["held"]):
         return "without it the motion blows up"
-    gains = f"{_nats(numbers['train'])} in training and {plain(numbers['held'])} held out"
     # Where the smallest of the three log odds is that against the model error, the gains alone would mislead.
     limited = "; a model error that looks the same limits them" if numbers["odds"] == numbers["against_error"] else ""
-    return f"the log evidence gains {gains}: {chances(numbers['odds'])}{limited}"
+    return f"the log evidence {_both(numbers)}: {chances(numbers['odds'])}{limited}"
 
 
 def _held_out(numbers: Record) -> str:
     # Results of old do not hold what the estimate alone predicts.
     ahead = numbers.get("ahead", numbers["held"])
     held, who = min((numbers["held"], ""), (ahead, "its estimate alone "))
-    change = f"{'gains ' if who else ''}only {plain(held)}" if held > 0 else f"loses {plain(abs(held))}"
-    return f"the log evidence gains {_nats(numbers['train'])} in training, but {who}{change} on the held-out recordings"
+    # After "gains" in training the verb is said again only of another one.
+    change = _change(held, few=True) if who else _change(held, few=True).removeprefix("gains ")
+    gained = _change(numbers["train"])
+    return f"the log evidence {gained} nats in training, but {who}{change} on the held-out recordings"
 
 
 def _laplace(numbers: Record) -> str:
@@ -183,14 +184,11 @@ def _budget(numbers: Record) -> str:
 
 _REASONS: Mapping[str, Callable[[Record], str]] = {
     "accepted": _accepted,
-    "training": lambda numbers: (
-        f"the log evidence {'gains only' if numbers['train'] > 0 else 'loses'} {_nats(abs(numbers['train']))} in "
-        "training"
-    ),
+    "training": lambda numbers: f"the log evidence {_change(numbers['train'], few=True)} nats in training",
     "held_out": _held_out,
     "chance": lambda numbers: (
-        f"it gains {_nats(numbers['train'])} in training, no more than the best of the catalogue would by chance from "
-        "errors like those left"
+        f"it {_change(numbers['train'])} nats in training, no more than the best of the catalogue would by chance "
+        "from errors like those left"
     ),
     "size": lambda numbers: (
         f"the prediction moves by {plain(numbers['size'], 2)} times the model error that is left, which may look the "
@@ -210,10 +208,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
         f"the declared model leaves {plain(100 * numbers.get('left', math.nan), 2)} % of the variance: check columns, "
         "signs, units, and that [model] holds the main force"
     ),
-    "unknown": lambda numbers: (
-        f"a force of no law; as a function of position and rate it gains {_nats(numbers['train'])} in training "
-        f"and {plain(numbers['held'])} held out"
-    ),
+    "unknown": lambda numbers: f"a force of no law; as a function of position and rate it {_both(numbers)}",
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
     "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
     "budget": _budget,
@@ -225,6 +220,19 @@ def _mechanics(gain: float | None, *, accepted: bool) -> str:
         return "the motion blows up on the simpler mechanics" if accepted else "the motion blows up on them"
     more = "only " if gain > 0 and not accepted else ""
     return f"the log evidence is {more}{_nats(abs(gain))} {'higher' if gain > 0 else 'lower'} on them"
+
+
+def _change(value: float, *, few: bool = False) -> str:
+    """Return a change of the log evidence as a gain, which may be too `few`, or a loss."""
+    return f"gains {'only ' if few else ''}{plain(value)}" if value >= 0 else f"loses {plain(-value)}"
+
+
+def _both(numbers: Record) -> str:
+    """Return how the log evidence changes in training and held out, with one verb where that is the same."""
+    train, held = _change(numbers["train"]), _change(numbers["held"])
+    if (numbers["train"] >= 0) == (numbers["held"] >= 0):
+        held = plain(abs(numbers["held"]))
+    return f"{train} nats in training and {held} held out"
 
 
 def _nats(value: float | None) -> str:

@@ -52,6 +52,8 @@ _ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _LONG = re.compile(r"(?<![\w.])\d{5,}(?![\w.])")
 #: A letter with an index; the name of a file is none.
 _SYMBOL = re.compile(r"(?<![\w./-])([^\W\d_])_(\w+)\b(?!\.\w)")
+#: A word that no sentence capitalises: one with an index, a digit or a capital inside, of a function, or with a value.
+_IDENTIFIER = re.compile(r"[^\W\d][^\W\d_A-Z]*(?:[\dA-Z_<(]| = )")
 _TENS = re.compile(r"(?<=[\d)])e([+-]?\d+)\b")
 
 
@@ -90,8 +92,14 @@ def values_text(parameters: Mapping[str, Mapping[str, Any]], coordinate: str) ->
 
 
 def sentence(text: str) -> str:
-    """Return text with a capital first letter, but for a symbol."""
-    return text[:1].upper() + text[1:] if text[:2].isascii() and text[1:2] not in tuple("_<") else text
+    """Return text with a capital first letter, unless it begins with a symbol or another identifier.
+
+    Examples
+    --------
+    >>> sentence("a force is left"), sentence("motor_loss = 3 is far off"), sentence("mass = 3 kg is far off")
+    ('A force is left', 'motor_loss = 3 is far off', 'mass = 3 kg is far off')
+    """
+    return text if not text[:2].isascii() or _IDENTIFIER.match(text) else text[:1].upper() + text[1:]
 
 
 def clause(text: str) -> Markup:
@@ -184,9 +192,5 @@ def _with_rivals(effect: Mapping[str, Any]) -> str:
 
 
 def origin(run: Run) -> str:
-    """Return what must be said about the data before anything else; empty where there is nothing."""
-    note = run.results.get("data_note") or run.results["rig"].get("data_note") or ""
-    name = run.results["rig"]["name"].lower()
-    if not note and any(word in name for word in ("simulated", "twin")):
-        note = "These recordings are simulated, not measured."
-    return str(note)
+    """Return the note that was given on the data, from which alone its origin is known: a rig's name says nothing."""
+    return str(run.results.get("data_note") or "")
