@@ -1406,6 +1406,8 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
     [
         (-4.25, -3.0, "but loses 4.25 on"),
         (1.25, 2.0, "but only 1.25 on"),
+        (0.0, 2.0, ", and nothing on the held-out"),
+        (-1e-9, 0.0, ", and nothing on the held-out"),
         (200.0, -381.0, "but its estimate alone loses 381 on"),
         (200.0, 1.25, "but its estimate alone gains only 1.25 on"),
     ],

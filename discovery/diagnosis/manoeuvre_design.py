@@ -95,7 +95,7 @@ def moves_from_unit(unit: FloatArray, limits: MotorLimits) -> tuple[Move, ...]:
         length = abs(angle) / speed + rise
         if busy + length > 0.75 * limits.duration:
             continue
-        plan.append((angle, speed, rise / length, wait))
+        plan.append((angle, speed, min(rise / length, 0.5), wait))  # rounding may pass the half
         here, busy, waits = there, busy + length, waits + wait
     free = limits.duration - busy
     moves: list[Move] = []

@@ -154,6 +154,8 @@ def _held_out(numbers: Record) -> str:
     # Results of old do not hold what the estimate alone predicts.
     ahead = numbers.get("ahead", numbers["held"])
     held, who = min((numbers["held"], ""), (ahead, "its estimate alone "))
+    if abs(held) < _NOTHING:
+        return f"the log evidence {_change(numbers['train'])} nats in training, and nothing on the held-out recordings"
     # After "gains" in training the verb is said again only of another one.
     change = _change(held, few=True) if who else _change(held, few=True).removeprefix("gains ")
     gained = _change(numbers["train"])
@@ -220,6 +222,9 @@ def _mechanics(gain: float | None, *, accepted: bool) -> str:
         return "the motion blows up on the simpler mechanics" if accepted else "the motion blows up on them"
     more = "only " if gain > 0 and not accepted else ""
     return f"the log evidence is {more}{_nats(abs(gain))} {'higher' if gain > 0 else 'lower'} on them"
+
+
+_NOTHING = 5e-3  # nats: two sets that miss a recording by more than it scatters predict it alike
 
 
 def _change(value: float, *, few: bool = False) -> str:
