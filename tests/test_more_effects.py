@@ -332,3 +332,12 @@ def test_what_a_fit_estimates_is_what_a_model_leaves_free(system: str) -> None:
         if system in effect.systems:
             free = set(Model(base, (name,)).free)
             assert {p.name for p in effect.fitted(system)} == free - {"g"}
+
+
+def test_what_nothing_ties_lacks_no_law_of_a_place_of_rest_before_something_ties_it() -> None:
+    loose, tied = Model("oscillator", ("viscous_damping",)), Model("oscillator", ("viscous_damping", "gravity_torque"))
+    anchored = {"cubic_stiffness", "hysteresis", "amplitude_dependent_damping", "viscoelastic_relaxation"}
+    offered = {*candidates(loose, declared=loose.effects)}
+    assert offered >= {"linear_stiffness", "gravity_torque", "cogging", "second_mode", "coulomb_friction"}
+    assert not offered & anchored
+    assert {*candidates(tied, declared=loose.effects)} >= anchored

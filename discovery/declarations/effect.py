@@ -101,6 +101,7 @@ class Effect(ABC):
     angular: ClassVar[bool] = False
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
+    ties: ClassVar[bool] = False  #: Whether it itself ties a body to a place.
     #: True for a law that remembers where the motion turned: without reversals it is no other than one of the place.
     remembers: ClassVar[bool] = False
     #: What a base, or the place of a declared system, must have for it: `SPRING`, `ROTOR`, `WEIGHT` or `SHAKEN`.
@@ -235,6 +236,7 @@ class Mode(Memory):
 
     kind = "mode"
     systems = frozenset({OSCILLATOR})
+    anchored = False
 
     def expression(self) -> sp.Expr | int:
         """Return no power: modes are independent of each other."""

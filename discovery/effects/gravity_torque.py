@@ -19,6 +19,7 @@ class GravityTorque(Potential):
 
     systems = frozenset({OSCILLATOR})
     angular = True
+    ties = True
     cite = "Huygens, Horologium Oscillatorium (1673); Baker and Blackburn, The Pendulum (2005)"
     # In units of the swing, what pulls is the larger the smaller the swing.
     g_c = Parameter(

@@ -13,6 +13,7 @@ class LinearStiffness(Potential):
     On the exact arm U is the bending energy of the whole rod; then :math:`\alpha = 3EI/(m_\mathrm{eff}\, l^3)`.
     """
 
+    ties = True
     cite = "source paper, equations (13) and (15)"
     alpha = Parameter("s^-2", "linear stiffness", (1e-3, 1e3), LogNormal(1.0, 2.0), starts=(1.0, 0.01), latex=r"\alpha")
 

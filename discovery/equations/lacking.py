@@ -33,6 +33,7 @@ def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None
     base = model.mechanics
     tied = any(get_effect(e).kind == "potential" for e in (model.effects if declared is None else declared))
     has, provided = base.has - ({ROTOR} if tied else set()), base.provides | (base.provides_tied if tied else set())
+    held = base.anchored and (ROTOR not in has or any(get_effect(e).ties for e in model.effects))
     return tuple(
         e
         for e, effect in catalogue().items()
@@ -42,7 +43,7 @@ def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None
         and (base.system.has_rod or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
         and _is_heard(effect, model)
-        and (base.anchored or not effect.anchored)
+        and (held or not effect.anchored or (base.anchored and effect.ties))
         and (not effect.needs or effect.needs in has)
     )
 

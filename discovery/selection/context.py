@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from discovery.declarations.forces import SmoothForce
+from discovery.declarations.registry import get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -69,7 +70,9 @@ class Context:
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        return tuple(sorted({*model.effects, *self.candidates(model), SmoothForce.id()}))
+        first = self.candidates(model)
+        tied = (model.with_effect(e) for e in first if get_effect(e).ties)  # could then lack what needs a tie
+        return tuple(sorted({*model.effects, *first, *(e for m in tied for e in self.candidates(m)), SmoothForce.id()}))
 
     def added(self, model: Model) -> tuple[str, ...]:
         """Return the effects of a model that are not declared."""
