@@ -24,9 +24,10 @@ def hung_on(off: Caution, fitted: Fit) -> Caution:
     """Return the miss of a hold-out, about the undetermined parameter that its error hangs on, if there is one.
 
     A parameter is moved by up to three of its standard deviations, and the others with it as the covariance says, so
-    that training is explained as well; its error held out is to become half as large. Parameters that hang together all
-    do that: the one that is told worst for its size is named. That is asked of training recordings that are continued,
-    whose starts are those of training; a hold-out of its own has starts that are fitted to it.
+    that training is explained as well; its error held out is to become half as large, as derivatives promise and as the
+    motion then does. Parameters that hang together all do that: the one that is told worst for its size is named. That
+    is asked of training recordings that are continued, whose starts are those of training; a hold-out of its own has
+    starts that are fitted to it.
     """
     if all(e.fitted_samples is None for e in fitted.problem.bench.experiments):
         return off
@@ -43,9 +44,17 @@ def hung_on(off: Caution, fitted: Fit) -> Caution:
         share = float(np.linalg.norm(left + sds * moved) / np.linalg.norm(left))
         if abs(sds) <= _UNTOLD and share <= _HALVED:
             found.append((float(sd) / max(abs(value), np.finfo(float).tiny), name, {"sds": sds, "left": share}))
-    if not found:
-        return off
-    _, name, numbers = max(found, key=lambda each: each[0])
+    for _, name, numbers in sorted(found, key=lambda each: -each[0]):
+        k = fitted.problem.free.index(name)
+        moved = numbers["sds"] * np.nan_to_num(fitted.covariance[:, k] / sds_of[k])
+        numbers["left"] = _share_left(fitted, moved, float(np.linalg.norm(left)))
+        if numbers["left"] <= _HALVED:
+            return _about(off, fitted, name, numbers)
+    return off
+
+
+def _about(off: Caution, fitted: Fit, name: str, numbers: dict[str, Any]) -> Caution:
+    """Return the miss with what is told of the parameter that it hangs on."""
     told = {key: fitted.told(name)[key] for key in ("value", "sd", "unit")}
     told["constant"] = fitted.model.parameters[name].physical
     added = (e for e in fitted.model.terms if e.id() not in fitted.problem.bench.experiments[0].rig.declared)
@@ -53,17 +62,28 @@ def hung_on(off: Caution, fitted: Fit) -> Caution:
     return replace(off, about=name, effect=owner, numbers={**off.numbers, "undetermined": {**told, **numbers}})
 
 
+def _share_left(fitted: Fit, moved: FloatArray, whole: float) -> float:
+    """Return which share of the error held out is left where parameters are moved (p,) within their bounds."""
+    x = np.clip(fitted.minimum.x + moved, *fitted.problem.bounds)
+    _, left = _beyond(fitted, Probed.around(fitted.problem, x, np.zeros(x.size)))
+    return float(np.linalg.norm(left) / whole) if left.size else np.inf
+
+
 def _continued(fitted: Fit, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return derivatives (n, p) and residuals (n,) [noise sds] of training recordings beyond what is fitted of them.
 
     `sd` (p,): standard deviations of what is fitted, a small part of which it is moved by.
     """
-    problem, x = fitted.problem, fitted.minimum.x
+    size = _APART * np.where((sd > 0) & np.isfinite(sd), sd, fitted.problem.scale)
+    return _beyond(fitted, Probed.around(fitted.problem, fitted.minimum.x, size))
+
+
+def _beyond(fitted: Fit, probe: Probed) -> tuple[FloatArray, FloatArray]:
+    problem, p = fitted.problem, fitted.minimum.x.size
     parts = [e.fitted_samples for e in problem.bench.experiments]
-    probe = Probed.around(problem, x, _APART * np.where((sd > 0) & np.isfinite(sd), sd, problem.scale))
     with np.errstate(over="ignore", invalid="ignore"):
         (columns,) = simulated(problem.bench, [problem], [probe])
-    beyond = [c[part:].reshape(-1, x.size + 1) for c, part in zip(columns, parts, strict=True) if part is not None]
+    beyond = [c[part:].reshape(-1, p + 1) for c, part in zip(columns, parts, strict=True) if part is not None]
     rows = np.concatenate(beyond)
     # A motion that blows up tells nothing of how far it is off.
     rows = rows[np.isfinite(rows).all(axis=1)]
