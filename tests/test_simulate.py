@@ -376,7 +376,7 @@ def test_lanes_do_not_know_each_other(base: str) -> None:
 def test_effects_of_a_neighbour_change_no_digit(base: str) -> None:
     time = np.linspace(0.0, 1.0, 21)
     sim = simulator(base, time, trapezoid(1.0, 1.25), 0.02)
-    values = {"xi": 0.05, "alpha": 9.0, "mu": 0.3}
+    values = {"xi": 0.05, "alpha": 9.0, "mu": 0.3, "g": 1.0}
     # One effect a column, those of odd columns with a second one; the last columns have none.
     effects = [e for e in every_effect(base) if e not in ("viscous_damping", "linear_stiffness")]
     sets = columns(sim.names, values, len(effects) + 3)

@@ -28,6 +28,17 @@ def candidates(
     return tuple(e for e in acting if turns or not get_effect(e).remembers)
 
 
+def in_the_end(
+    model: Model, unit: str = "rad", declared: Collection[str] | None = None, *, turns: bool = True
+) -> tuple[str, ...]:
+    """Return the candidates, and those that could be missing once one of them ties the body to a place."""
+    models = [
+        model,
+        *(model.with_effect(e) for e in candidates(model, unit, declared, turns=turns) if get_effect(e).ties),
+    ]
+    return tuple(dict.fromkeys(e for m in models for e in candidates(m, unit, declared, turns=turns)))
+
+
 def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None) -> tuple[str, ...]:
     """Return the effects that a system without places could lack."""
     base = model.mechanics
@@ -59,7 +70,7 @@ def ever_candidates(bases: Iterable[str], unit: str = "rad") -> frozenset[str]:
     >>> "cogging" in ever_candidates(["falling_body"]), "cogging" in ever_candidates(["servo"])
     (False, True)
     """
-    found = frozenset(e for base in bases for e in candidates(Model(base, ()), unit))
+    found = frozenset(e for base in bases for e in in_the_end(Model(base, ()), unit))
     return found or frozenset(e for e, effect in catalogue().items() if _has_a_place(effect))
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from discovery.declarations.forces import SmoothForce
-from discovery.declarations.registry import get_effect
-from discovery.equations.lacking import candidates
+from discovery.equations.lacking import candidates, in_the_end
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
@@ -63,16 +62,14 @@ class Context:
         """Natural period of the motion [s]."""
         return 2 * np.pi * self.units.time
 
-    def candidates(self, model: Model) -> tuple[str, ...]:
+    def candidates(self, model: Model, *, which: Callable[..., tuple[str, ...]] = candidates) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
         first, turns = self.train[0], turns_back(self.train)
-        return candidates(model, first.coordinate_unit, first.rig.declared, turns=turns)
+        return which(model, first.coordinate_unit, first.rig.declared, turns=turns)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        first = self.candidates(model)
-        tied = (model.with_effect(e) for e in first if get_effect(e).ties)  # could then lack what needs a tie
-        return tuple(sorted({*model.effects, *first, *(e for m in tied for e in self.candidates(m)), SmoothForce.id()}))
+        return tuple(sorted({*model.effects, *self.candidates(model, which=in_the_end), SmoothForce.id()}))
 
     def added(self, model: Model) -> tuple[str, ...]:
         """Return the effects of a model that are not declared."""
