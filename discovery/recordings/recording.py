@@ -207,7 +207,7 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     if rig.traits.has_rod:
         check_arm(found, rig)
         flags += [] if inputs is None else bend_flags(inputs, outputs)
-    elif outputs:
+    elif outputs and rig.columns.output.reads == "position":
         check_units(found, rig)
     if inputs is not None and found.added is not None and rig.controller is not None:
         # What is added to the command acts as a reference that is further off.
