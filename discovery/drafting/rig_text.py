@@ -20,6 +20,7 @@ from discovery.drafting.signals import Signal, Signals, angle_unit, find_signals
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
+from discovery.foundation.sampling import mean_rate
 from discovery.recordings.file_signals import ARM_STEMS
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.rounding import quantum, resolution
@@ -203,8 +204,8 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
     if found.header:
         names = ", ".join(map(quoted_text, found.header))
         yield f"header = [{names}]   # the file has no line of names: name every column"
-    span = time[-1] - time[0]
-    size = f"{time.size} readings, {figures(span, 4)} s, about {figures((time.size - 1) / span, 4)} a second"
+    span = float(time[-1] - time[0])
+    size = f"{time.size} readings, {figures(span, 4)} s, {figures(mean_rate(time), 4)} a second on average"
     if found.time is None:
         yield f"time = {{ rate_hz = {found.rate:g} }}   # {size}"
     else:
