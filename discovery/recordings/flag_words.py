@@ -81,6 +81,11 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "The time stamps {kind}: their steps lie between {shortest:.4g} and {longest:.4g} s. They are taken as they "
         "are.",
     ),
+    "read_at_marks": (
+        "note",
+        "Readings count marks, one a row: what was measured is when each passed, {shortest:.4g} to {longest:.4g} s "
+        "after the one before.",
+    ),
     "times_rounded": (
         "note",
         "The time stamps are rounded to {rounding:.2g} s: a steady clock of {rate:.4g} readings a second explains all "

@@ -29,13 +29,18 @@ _SINE = 0.12  # of the standard deviation, what a sine may leave of a part of a 
 _ENOUGH = 300  # samples of a part of a swing
 
 
-def time_flags(time: FloatArray, column: TimeColumn) -> list[Flag]:
-    """Tell what is unusual about sample times [s], strictly increasing, of a column."""
+def time_flags(time: FloatArray, column: TimeColumn, *, marks: bool = False) -> list[Flag]:
+    """Tell what is unusual about sample times [s], strictly increasing, of a column.
+
+    Those at which `marks` passed come as the motion brings them.
+    """
     if column.assumed:
         return [Flag("rate_unknown")]
     steps = np.diff(time)
     step = median_step(time)
     flags = [Flag("clock_far", numbers={"zero": column.zero})] if column.zero else []
+    if marks:
+        return [*flags, Flag("read_at_marks", numbers={"shortest": float(steps.min()), "longest": float(steps.max())})]
     missed = gaps(time)
     regular = np.abs(steps[~missed] - step) < _JITTER * step
     # Many rows are lost, too, where every step is a whole number of steps of one clock.

@@ -22,7 +22,7 @@ from discovery.recordings.jitter import jitter_of
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
-from discovery.recordings.rounding import quantum, resolution
+from discovery.recordings.rounding import are_marks, quantum, resolution
 from discovery.recordings.time_stamps import on_its_clock, scatter
 from discovery.recordings.turns import join_turns
 from discovery.recordings.unit_mistakes import check_units
@@ -173,7 +173,8 @@ def read_recording(
     checked = [*on_its_clock(rig, found), *_checked(rig, found)]
     guessed = found.table.guessed
     flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
-    flags += [*time_flags(found.time, rig.columns.time), *checked]
+    marks = any(are_marks(found.time, values) for values in found.outputs.values())
+    flags += [*time_flags(found.time, rig.columns.time, marks=marks), *checked]
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, bands, more = _cleaned(rig, found, stated)
