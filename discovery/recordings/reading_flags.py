@@ -11,6 +11,7 @@ from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.rounding import quantum
+from discovery.recordings.saturation import cut_off
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import TimeColumn
 
@@ -137,6 +138,15 @@ def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
     return float(np.std(values - sine @ np.linalg.lstsq(sine, values, rcond=None)[0]))
 
 
+def without_ends(label: str, unit: str, time: FloatArray, values: FloatArray) -> tuple[FloatArray, list[Flag]]:
+    """Leave out readings (n,) that an end of the instrument's range cuts off, and tell it; their noise is none."""
+    cut, limits = cut_off(values, quantum(values, time))
+    if not limits:
+        return values, []
+    numbers = {"limits": [float(limit) for limit in limits], "count": int(cut.sum())}
+    return np.where(cut, np.nan, values), [Flag("readings_clipped", label, unit, numbers)]
+
+
 def clean_output(
     label: str,
     unit: str,
@@ -152,8 +162,8 @@ def clean_output(
 
     `label`, `unit`: column and its unit in the file. `time`, `values` (n,): times [s] and readings; NaN are gaps.
     `noise`: standard deviation of a reading. `returns`: whether the system has a rest position, so that its mean must
-    not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. Returned: the
-    readings with NaN for stuck and clipped ones, the same array where there are none, and what is told.
+    not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. Returned: the readings with NaN
+    for stuck and clipped ones, the same array where there are none, and what is told.
     """
     step = quantum(values, time)
     rounding = step / np.sqrt(12.0)
