@@ -24,6 +24,8 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
     flags: list[Flag] = []
     returns = rig.traits.returns and rig.view is None
     rate = get_base(rig.base).order == 1
+    position = not rate and rig.view is None and rig.columns.output.reads == "position"
+    driven = position and found.inputs is not None and not rig.traits.has_rod
     for channel, known in zip(found.channels, stated, strict=True):
         if channel not in found.outputs:
             noise.append(1.0 if known is None else known)
@@ -44,7 +46,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
         if band is not None:
             flags.append(Flag("noise_alike", name, unit, {"scatter": scatter, **asdict(band)}))
         values, told = clean_output(
-            name, unit, found.time, values, noise[-1], returns, given=given, rate=rate
+            name, unit, found.time, values, noise[-1], returns, given=given, rate=rate, driven=driven
         )
         found.outputs[channel] = values
         flags += told

@@ -157,12 +157,14 @@ def clean_output(
     given: FloatArray | None = None,
     *,
     rate: bool = False,
+    driven: bool = False,
 ) -> tuple[FloatArray, list[Flag]]:
     """Leave out what the instrument did not measure, and tell what else is unusual.
 
     `label`, `unit`: column and its unit in the file. `time`, `values` (n,): times [s] and readings; NaN are gaps.
     `noise`: standard deviation of a reading. `returns`: whether the system has a rest position, so that its mean must
-    not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. Returned: the readings with NaN
+    not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. `driven`:
+    whether a position is read of what an input moves, which may come to rest anywhere. Returned: the readings with NaN
     for stuck and clipped ones, the same array where there are none, and what is told.
     """
     step = quantum(values, time)
@@ -174,7 +176,7 @@ def clean_output(
 
     if rounding > _COARSE * noise:
         tell("readings_coarse", step=float(step), rounding=float(rounding))
-    flat = flat_runs(values, max(noise, step), rate=rate)
+    flat = flat_runs(values, max(noise, step), rate=rate, driven=driven)
     if flat.stretches:
         start, length = max(flat.stretches, key=lambda run: run[1])
         total = {"stretches": len(flat.stretches), "total": int(flat.stuck.sum())}
