@@ -23,6 +23,7 @@ from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import mean_rate
 from discovery.recordings.file_signals import ARM_STEMS
 from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.renewals import renewals
 from discovery.recordings.rounding import quantum, resolution
 from discovery.rigs.kinds import KINDS
 
@@ -273,6 +274,8 @@ def _zero(recordings: Sequence[Signals], guess: Guess) -> float | None:
 def _noise(found: Signals) -> tuple[float, float]:
     """Return the noise of a reading, no less than that of its steps, and the step if that is what it is."""
     values, time = found.output.values, found.seconds
+    if (renewed := renewals(time, values)) is not None:
+        values, time = values[renewed.fresh], time[renewed.fresh] if renewed.time is None else renewed.time
     scatter, step = estimate_noise(values, time), quantum(values, time)
     rounding = resolution(values, time) if step > 0.0 else 0.0
     return max(scatter, rounding), step if rounding > scatter else 0.0

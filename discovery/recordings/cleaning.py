@@ -54,10 +54,22 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
 
 
 def timed(
-    rig: Rig, found: Signals, noise: list[float], stated: Sequence[float | None], bands: Bands
+    rig: Rig,
+    found: Signals,
+    noise: list[float],
+    stated: Sequence[float | None],
+    bands: Bands,
+    repeats: Sequence[Flag] = (),
 ) -> tuple[float, list[Flag]]:
-    """Return by how much stamps err [s], and tell it, and where scatter is not the noise that is stated with that."""
-    jitter, flags = jitter_of(rig, found, noise, stated)
+    """Return by how much stamps err [s], and tell it, and where scatter is not the noise that is stated with that.
+
+    What `repeats` tell of a sensor that was asked too often tells of its times, too.
+    """
+    if any(flag.numbers["moved"] for flag in repeats) and rig.columns.time.jitter is None:
+        jitter, flags = 0.0, list[Flag]()
+    else:
+        jitter, flags = jitter_of(rig, found, noise, stated)
+        flags = [] if repeats else flags
     for channel, known, band in zip(found.channels, stated, bands, strict=True):
         if known is not None and channel in found.outputs:
             label, unit, values = found.names[channel], found.units[channel], found.outputs[channel]

@@ -11,16 +11,17 @@ import numpy as np
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
-from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.cleaning import cleaned, timed
 from discovery.recordings.file_signals import ARM_STEMS, Signals
-from discovery.recordings.flags import Flag
+from discovery.recordings.flags import REPEATED, Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise
+from discovery.recordings.renewals import on_sensors_clock
 from discovery.recordings.rounding import are_marks, quantum
 from discovery.recordings.time_stamps import on_its_clock, scatter
 from discovery.recordings.turns import join_turns
@@ -60,6 +61,8 @@ class Recording(RecordingViews):
         Standard deviation of the error of a time stamp [s]: a reading that moves errs by slope times that, too.
     bands : tuple of BandNoise or None
         Noise of each channel whose neighbours err alike; None, as an empty tuple for all of them, where it is white.
+    rows : array, shape (n + 1,), or None
+        Of the rows that were taken, those of the readings, and last their number; None where all hold readings.
 
     Examples
     --------
@@ -89,6 +92,7 @@ class Recording(RecordingViews):
     flags: tuple[Flag, ...] = ()
     jitter: float = 0.0
     bands: tuple[BandNoise | None, ...] = ()
+    rows: IntArray | None = None
 
     @cached_property
     def scatter(self) -> FloatArray:
@@ -168,11 +172,12 @@ def read_recording(
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
     flags = _checked(rig, found)
+    repeats = [flag for flag in flags if flag.code == REPEATED]
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
     noise, bands, more = cleaned(rig, found, stated)
     check_signals(found, rig.traits.fewest)
-    jitter, told = timed(rig, found, noise, stated, bands)
+    jitter, told = timed(rig, found, noise, stated, bands, repeats)
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
@@ -190,6 +195,7 @@ def read_recording(
         flags=(*flags, *more, *told),
         jitter=jitter,
         bands=tuple(bands),
+        rows=found.rows,
     )
 
 
@@ -211,6 +217,7 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     if inputs is not None and found.added is not None and rig.controller is not None:
         # What is added to the command acts as a reference that is further off.
         found.inputs = inputs + found.added / (rig.controller.kv * rig.controller.kp)
+    odd += [] if rig.view else on_sensors_clock(found)
     marks = any(are_marks(found.time, values) for values in found.outputs.values())
     return [*flags, *time_flags(found.time, rig.columns.time, marks=marks), *odd]
 
