@@ -78,6 +78,19 @@ def drafted(path: Path, **more: object) -> dict:
         ("n_rpm", "speed", "rpm"),
         ("a_m_s2", "acceleration", "m/s^2"),
         ("acc_g", "acceleration", "g_0"),
+        ("ax_g", "acceleration", "g_0"),
+        ("x (g)", "acceleration", "g_0"),
+        ("Acceleration [mg]", "acceleration", "mg_0"),
+        ("load_g", "cause", "g"),
+        ("mass_g", "", "g"),
+        ("az_angle_deg", "motion", "deg"),
+        ("turns", "motion", "rev"),
+        ("rev", "motion", "rev"),
+        ("Revolutions", "motion", "rev"),
+        ("wheel_turns", "motion", "rev"),
+        ("angle_rev", "motion", "rev"),
+        ("rev_count", "motion", "rev"),
+        ("turn_rate", "speed", None),
         ("torque_N_m", "cause", "N m"),
         ("position_V", "motion", "V"),
         ("lap_s", "time", "s"),
@@ -383,6 +396,31 @@ def test_what_is_held_and_differs_between_recordings_may_drive(name: str, tmp_pa
         said = f"{name} (is held, and differs between recordings: name it with --input if it drives)"
         assert "input" not in document["columns"]
         assert (said in text) == (name != "x_error_mm")
+
+
+def coasting(count: int = 160) -> np.ndarray:
+    """Return when each turn of a wheel is complete that bearings slow down [s]: q = v t - a t^2 / 2."""
+    speed, slowing = 0.9, 0.0022
+    return (speed - np.sqrt(speed**2 - 2.0 * slowing * np.arange(count))) / slowing
+
+
+@pytest.mark.parametrize(("name", "unit"), [("turns", "rev"), ("angle_rev", "rev"), ("pulses", "1")])
+def test_a_counter_that_never_goes_back_is_that_of_a_rotor(tmp_path: Path, name: str, unit: str) -> None:
+    path = written(tmp_path, "coast.csv", f"t_s,{name}", coasting(), 4264.0 + np.arange(160.0))
+    document = drafted(path, chosen={"output": name})
+    assert (document["kind"], document["columns"]["output"]["unit"]) == ("system", unit)
+    assert "zero" not in document["columns"]["output"]
+    # Nothing pushes what only slows down.
+    assert "forces" not in document["system"]
+    assert document["system"]["kinetic"] == "inertia*dot(angle)^2/2"
+
+
+def test_the_mean_rate_is_told_by_init_and_by_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "coast.csv", "t_s,turns", coasting(), np.arange(160.0))
+    said = call(capsys, "init", path, "--out", tmp_path / "rig.toml")
+    rate = f"{figures(159.0 / coasting()[-1], 4)} a second on average"
+    assert f"at uneven times, {rate}" in said.out
+    assert rate in (tmp_path / "rig.toml").read_text()
 
 
 def test_what_comes_to_an_end_does_not_run_on() -> None:

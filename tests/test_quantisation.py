@@ -7,7 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from discovery.recordings.reading_flags import time_flags
+from discovery.recordings.reading_noise import estimate_noise, noise_flags
 from discovery.recordings.rounding import lasting_rounding, quantum, resolution
+from discovery.rigs.rig import TimeColumn
 
 STEP, TIME = 0.5, np.arange(4000) * 0.01
 ROUNDING = STEP / np.sqrt(12.0)
@@ -49,3 +52,17 @@ def test_readings_that_are_stamped_where_a_mark_passes_are_not_rounded():
     assert quantum(marks, 0.01 * np.arange(60)) == pytest.approx(STEP)  # a steady turn that is read at a rate
     shaken = TIME[:400] + np.random.default_rng(0).uniform(-2e-3, 2e-3, 400)
     assert quantum(STEP * np.round(40.0 * np.sin(shaken) / STEP), shaken) == pytest.approx(STEP)
+
+
+def test_the_noise_of_marks_is_that_of_the_times_at_which_they_pass():
+    """Plain differences of what counts one by one are zero, and say nothing."""
+    rng, count = np.random.default_rng(1), np.arange(160.0)
+    speed, slowing, error = 0.9, 0.0022, 1e-4
+    time = (speed - np.sqrt(speed**2 - 2.0 * slowing * count)) / slowing
+    stamped = time + error * rng.standard_normal(160)
+    # Errors of stamps are those of turns at the speed there.
+    turns = error * float(np.median(speed - slowing * time))
+    assert estimate_noise(count, stamped) == pytest.approx(turns, rel=0.3)
+    assert noise_flags("n", "rev", stamped, count, turns) == []
+    (flag,) = time_flags(3.0 * stamped, TimeColumn(), marks=True)
+    assert (flag.code, flag.severity) == ("read_at_marks", "note")

@@ -304,6 +304,63 @@ def test_oscillator_errors(write, old, new, message):
         read_rig(write(OSCILLATOR.replace(old, new, 1)))
 
 
+@pytest.mark.parametrize(
+    ("unit", "more", "message"),
+    [
+        ("g", ', reads = "acceleration"', "line 6: the key 'columns.output.unit' is 'g', a mass.*mean 'g_0'"),
+        ("mg", ', reads = "acceleration"', "Did you mean 'mg_0'"),
+        ("g", "", 'an angle, or in volts. Did you mean .g_0.*also needs reads = "acceleration"'),
+        ("kg", ', reads = "acceleration"', "a mass, but the output is read as an acceleration.*Correct the unit"),
+        ("mm", ', reads = "acceleration"', "'mm', a length, but"),
+        ("deg", ', reads = "acceleration"', "'deg', an angle, but"),
+        ("m/s", ', reads = "acceleration"', "'m/s', a speed, but"),
+        ("m/s^2", "", 'an acceleration, but the output is read as a position.*Add reads = "acceleration"'),
+        ("rpm", "", "a speed of turning, but .* own equations"),
+    ],
+)
+def test_an_output_in_a_unit_of_something_else_is_refused(write, unit, more, message):
+    text = (
+        'name = "beam"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "ms" }\n\n'
+        f'output = {{ name = "a", unit = "{unit}"{more} }}\n'
+    )
+    with pytest.raises(InputError, match=message):
+        read_rig(write(text))
+
+
+@pytest.mark.parametrize(
+    ("unit", "reads"),
+    [
+        *((unit, "acceleration") for unit in ("g_0", "mg_0", "m/s^2", "deg/s^2", "V", "1", "count")),
+        *((unit, "position") for unit in ("m", "inch", "rev", "1", "mV", "pixel", "A", "N", "kPa")),
+    ],
+)
+def test_an_output_in_a_unit_of_what_is_read_passes(write, unit, reads):
+    path = write(
+        'name = "beam"\nkind = "oscillator"\n[columns]\ntime = { name = "t" }\n'
+        f'output = {{ name = "a", unit = "{unit}", reads = "{reads}" }}\n'
+    )
+    assert read_rig(path).columns.output.unit == unit
+
+
+def test_a_pendulum_may_be_read_by_an_accelerometer_that_turns(write):
+    text = 'name = "p"\nkind = "pendulum"\n[columns]\ntime = { name = "t" }\noutput = { name = "a", unit = "UNIT" }\n'
+    read = text.replace("UNIT", 'deg/s^2", reads = "acceleration')
+    assert read_rig(write(read)).columns.output.reads == "acceleration"
+    for wrong in ('deg", reads = "acceleration', "deg/s^2"):
+        with pytest.raises(InputError, match="cannot be converted"):
+            read_rig(write(text.replace("UNIT", wrong)))
+
+
+def test_the_force_of_a_view_is_no_mass(write):
+    text = (
+        'name = "d"\nkind = "drive"\n[columns]\ntime = { name = "t" }\ninput = { name = "x", unit = "m" }\n'
+        'output = { name = "f", unit = "kg" }\n[view]\noutput = "force"\nmotion_cutoff_hz = 20.0\ncutoff_hz = 10.0\n'
+    )
+    with pytest.raises(InputError, match="'kg', a mass, but the output is read as a force or a torque, as in N, kgf"):
+        read_rig(write(text))
+    assert read_rig(write(text.replace('"kg"', '"kgf"'))).columns.output.unit == "kgf"
+
+
 def test_arm_must_not_declare_columns(write):
     columns = '[columns]\ntime = { rate_hz = 100 }\noutput = { name = "y", unit = "m" }\n'
     with pytest.raises(InputError, match=r"line 9, declares \[columns\]"):

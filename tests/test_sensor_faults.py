@@ -445,3 +445,34 @@ def test_a_tip_that_does_not_point_where_the_motor_does_is_told(change, words):
 
 def test_an_assumed_rate_is_said():
     assert "per sample" in str(time_flags(REGULAR, TimeColumn(assumed=True))[0])
+
+
+def braked(rest: int = 20, away: float = 1.0) -> np.ndarray:
+    """A trolley on a coarse encoder: it is driven off, brakes to a standstill, and is driven on or back, evenly."""
+    ramp = 0.02 * np.arange(60)
+    speed = np.concatenate([np.zeros(30), ramp, ramp[::-1], np.zeros(rest), away * ramp, np.full(60, away * ramp[-1])])
+    return np.cumsum(speed)
+
+
+@pytest.mark.parametrize("step", [0.005, 0.02])
+@pytest.mark.parametrize("away", [1.0, -1.0])
+def test_what_is_driven_may_come_to_rest_anywhere_and_a_sensor_sticks_with_a_jump(step, away):
+    values = np.round(braked(30, away) / step) * step
+    assert flat_runs(values, step, driven=True).stretches == ()
+    for place in (70, 195):  # where it moves, and goes on behind the reading
+        fault = values.copy()
+        fault[place : place + 15] = values[place]
+        (found,) = flat_runs(fault, step, driven=True).stretches
+        assert abs(found[0] - place) <= 2
+        assert sum(found) == place + 15
+    dead = values.copy()
+    dead[112:128] = -9.0
+    assert flat_runs(dead, step, driven=True).stretches == ((112, 16),)
+
+
+def test_a_trolley_that_brakes_within_its_resolution_and_is_dragged_on_is_not_stuck():
+    """It overshoots by two steps, rests, and what hangs from it drags it on, slowly: a free body would not do that."""
+    steps = [1000] * 60 + [957, 1057, 777, 477, 322, 65, 22, -2] + [0] * 15 + [-1, -5, -16, -19, -8, -7, -10, -6, -4]
+    values = 1e-5 * np.cumsum([*steps, *[-6, -5, -2], *[0] * 12])
+    assert flat_runs(values, 2.7e-5).stretches
+    assert flat_runs(values, 2.7e-5, driven=True).stretches == ()

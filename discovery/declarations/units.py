@@ -136,6 +136,19 @@ def is_force(unit: str) -> bool:
     return known_dimension(unit) in (dimension("N"), dimension("N m"))
 
 
+def mistaken_for(unit: str) -> str:
+    """Return what to write instead of a mass whose letter also means gravity, as the end of a message; else nothing.
+
+    Examples
+    --------
+    >>> mistaken_for("mg"), mistaken_for("kg")
+    (" Did you mean 'mg_0', of the standard gravity, g_0 = 9.80665 m/s^2? 'mg' is a mass.", '')
+    """
+    if unit not in ("g", "mg"):
+        return ""
+    return f" Did you mean '{unit}_0', of the standard gravity, g_0 = 9.80665 m/s^2? {unit!r} is a mass."
+
+
 def homogeneous(first: str, second: str) -> bool:
     """Whether two coherent units have the same dimension, the radian counting as none."""
     return dimension(first) == dimension(second)

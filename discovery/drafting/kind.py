@@ -14,7 +14,7 @@ from discovery.drafting.law_of_motion import own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
-from discovery.recordings.running_on import runs_on
+from discovery.recordings.running_on import counts_up, runs_on
 from discovery.rigs.kinds import Kind
 
 #: Which derivative of a coordinate is read, by the unit of the output.
@@ -70,10 +70,11 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
     hanging = "pend" in f"{found.path.stem} {found.output.name}".lower()
-    if unit == "rad" and not hanging and any(runs_on(each.output.si) for each in recordings):
+    if not hanging and any(_goes_on(each) for each in recordings):
         if found.input is not None:
             return Guess("drive", "an input turns it on and on, and nothing pulls it back")
-        return Guess("system", "an angle that turns on and on, and no input: in its own equations, docs/YOUR_SYSTEM.md")
+        goes = "an angle that turns on and on" if unit == "rad" else "it never turns back"
+        return Guess("system", f"{goes}, and no input: in its own equations, docs/YOUR_SYSTEM.md")
     if found.input is None:
         if unit == "rad":
             again = f"discovery init {name} --kind oscillator"
@@ -88,6 +89,16 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         return Guess("drive", f"an input moves it, and {looked} {shows} about a place of rest")
     back = f"in {swing.path.name} it swings about its rest, once in about {swing.period:.3g} s"
     return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)
+
+
+def _goes_on(found: Signals) -> bool:
+    """Whether a place is read that only grows or only falls, as that of a rotor, so that nothing pulls it back."""
+    unit, read = si_symbol(found.output.unit), found.output.si
+    if unit == "rad":
+        return runs_on(read)
+    if found.reads in ("acceleration", "speed", "height") or unit not in _READ:
+        return False
+    return counts_up(read) or (found.input is None and runs_on(read, unit))
 
 
 def swing_of(recordings: Sequence[Signals]) -> Swing | None:
@@ -162,7 +173,7 @@ def _body(recordings: Sequence[Signals], output: str) -> Iterator[str]:
     given = None if found.input is None else found.input.si
     swing = None if output != at and given is not None else swing_of(recordings)
     springs = base or swing is not None
-    steady = unit is None and output == at and not springs and runs_on(found.output.si, "1")
+    steady = unit is None and output == at and not springs and _is_pushed(found)
     given = np.ones_like(found.seconds) if steady else given
     way, slip = (f"({at} - base)", f"({rate} - dot(base))") if base else (at, rate)
     yield "[system]   # each line is an example, guessed: correct it; docs/YOUR_SYSTEM.md"
@@ -189,6 +200,16 @@ def _body(recordings: Sequence[Signals], output: str) -> Iterator[str]:
     )
     if steady:
         yield f'steady_push = {{ guess = {b:.3g}, unit = "{body.force}" }}'
+
+
+def _is_pushed(found: Signals) -> bool:
+    """Whether a place runs on as under a constant force along its way, and not as what only slows down."""
+    read = found.output.si
+    if not runs_on(read, "1"):
+        return False
+    push = rates_of(found.seconds, read, np.ones_like(read))[1]
+    way = np.nanmean(read[read.size // 2 :]) - np.nanmean(read[: read.size // 2])
+    return bool(push * way > 0.0)
 
 
 def _constants(

@@ -11,7 +11,7 @@ from discovery.foundation.errors import InputError
 #: What may stand behind an underscore or a blank without brackets: other letters there are part of the name.
 _BARE = {
     *("s", "ms", "us", "min", "m", "mm", "cm", "um", "km", "deg", "rad", "mrad", "V", "mV", "A", "mA"),
-    *("N", "mN", "kN", "N m", "mN m", "kN m", "pixel", "g", "rpm", "deg/s", "km/h", "mile/h"),
+    *("N", "mN", "kN", "N m", "mN m", "kN m", "pixel", "g", "mg", "rev", "rpm", "deg/s", "km/h", "mile/h"),
 }
 #: What a speed is made of: `_rad_s` states rad/s, and `_m_s2` m/s^2.
 _MOVING = {"m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "rev", "degrees", "radians"}
@@ -24,7 +24,13 @@ _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support",
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
 _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "position", "pos", "output", "y", "x", "z"}
 _MOTIONS |= {"q", "disp", "travel", "distance", "encoder", "tip", "swing", "rotation", "winkel", "weg"}
-_ACCELERATIONS = {"acceleration", "acc", "accel"}
+_ACCELERATIONS = {"acceleration", "acc", "accel", "accelerometer", "ax", "ay", "az", "accx", "accy", "accz"}
+#: What is weighed: grams are grams there. A motion in grams is none, but an acceleration in those of gravity.
+_WEIGHED = {"mass", "weight", "load", "m"}
+_GRAVITIES = {"g": "g_0", "mg": "mg_0"}
+#: Words for full turns; one of the latter counts them where a number is named beside it.
+_REVOLUTIONS, _REVOLUTION = {"turns", "revolutions", "revs"}, {"turn", "revolution", "rev"}
+_COUNTED = {"count", "counts", "counter", "number", "total"}
 _SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "drehzahl"}
 _OTHERS = {"temperature", "battery", "supply", "error", "err", "uncertainty", "sd", "std"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
@@ -57,12 +63,24 @@ def meaning_of(name: str) -> Meaning:
     Meaning(role='cause', unit='mV')
     >>> meaning_of("omega_rad_s")
     Meaning(role='speed', unit='rad/s')
+    >>> meaning_of("wheel_turns"), meaning_of("ax_g")
+    (Meaning(role='motion', unit='rev'), Meaning(role='acceleration', unit='g_0'))
     >>> meaning_of("reading")
     Meaning(role='', unit=None)
     """
     stem, unit = _split(name)
-    role = _role(words_of(stem), unit)
-    return Meaning(role, "g_0" if role == "acceleration" and unit == "g" else unit)  # g is no gram there
+    words = words_of(stem)
+    unit = "rev" if unit is None and _counts_turns(words) else unit
+    role = _role(words, unit)
+    if unit in _GRAVITIES and role in ("acceleration", "motion", "moved") and not _WEIGHED.intersection(words):
+        return Meaning("acceleration", _GRAVITIES[unit])
+    return Meaning(role, unit)
+
+
+def _counts_turns(words: list[str]) -> bool:
+    """Return whether words name full turns, and no speed of turning."""
+    counted = _REVOLUTIONS.intersection(words) or (_REVOLUTION.intersection(words) and _COUNTED.intersection(words))
+    return bool(counted) and not _SPEEDS.intersection(words)
 
 
 def words_of(name: str) -> list[str]:
@@ -82,7 +100,7 @@ def _split(name: str) -> tuple[str, str | None]:
     for count in range(len(words), 0, -1):
         unit = _bare("_".join(words[-count:]))
         # A name that is nothing but a unit is a quantity of its own: m, s, and V are masses, places, and voltages.
-        if unit is not None and (count < len(words) or si_symbol(unit) in _RATES):
+        if unit is not None and (count < len(words) or unit == "rev" or si_symbol(unit) in _RATES):
             return " ".join(words[:-count]), unit
     found = _BRACKETS.match(name)
     if found:
@@ -109,7 +127,9 @@ def _bare(suffix: str) -> str | None:
 
 
 def _known(text: str) -> str | None:
-    unit = "rpm" if text.strip() == "1/min" else standard_unit(text.strip())  # no shaft is told by its frequency
+    text = text.strip()
+    unit = "rpm" if text == "1/min" else standard_unit(text)  # no shaft is told by its frequency
+    unit = "rev" if text.lower() in _REVOLUTIONS | _REVOLUTION else unit
     try:
         si_factor(unit)
     except InputError:
@@ -128,8 +148,9 @@ def _role(words: list[str], unit: str | None) -> str:
         return "time"
     if kind in _RATES:
         return _RATES[kind]
-    # A voltage that is no command, and the place of a base, are told by their units.
-    if by_word and not (by_word == "moved" and kind in _FORCES):
+    # A voltage that is no command, the place of a base, and an azimuth are told by their units.
+    contradicted = (by_word == "moved" and kind in _FORCES) or (by_word == "acceleration" and kind in ("m", "rad"))
+    if by_word and not contradicted:
         return by_word
     if kind in _FORCES:
         return "cause"

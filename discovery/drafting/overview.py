@@ -11,7 +11,7 @@ from discovery.declarations.units import quoted, si_symbol
 from discovery.drafting.law_of_motion import LOOKS, FloatArray, is_one_line, is_relative, own_period
 from discovery.foundation.arguments import expect
 from discovery.foundation.estimate_text import figures
-from discovery.foundation.sampling import median_step
+from discovery.foundation.sampling import mean_rate, median_step
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
 from discovery.signals.spectral_lines import find_periods
@@ -38,9 +38,9 @@ def overview(dataset: Dataset) -> dict[str, Any]:
     -------
     dict
         ``rig`` (name, kind, declared model, file, what it marks to be filled in) and ``recordings``, each with role,
-        number of readings, duration [s], rate [Hz], missing readings, ``channels`` (unit, range, noise and where it is
-        from, motion over noise), ``input`` (unit, range, band [Hz], period [s]; null without one), own period [s] and
-        ``flags``.
+        number of readings, duration [s], mean rate [Hz], missing readings, ``channels`` (unit, range, noise and where
+        it is from, motion over noise), ``input`` (unit, range, band [Hz], period [s]; null without one), own period [s]
+        and ``flags``.
 
     Raises
     ------
@@ -87,8 +87,7 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
         "readings": time.size,
         "fitted": r.time[experiment.fitted].size - first if role == "train" else 0,
         "duration": float(r.time[-1] - r.time[0]),
-        # Where stamps are rounded, most steps are a little too short or too long.
-        "rate": float(1.0 / (steps.mean() if steady else step)),
+        "rate": mean_rate(time),
         "steady": steady,
         "missing": int((~np.isfinite(output)).any(axis=1).sum()) if experiment.rig.view is None else 0,
         "channels": [
@@ -166,7 +165,7 @@ def _size(found: Mapping[str, Any]) -> str:
     rate = (
         f"{figures(found['rate'], 4)} a second"
         if found["steady"]
-        else f"at uneven times, about {figures(found['rate'], 4)} a second"
+        else f"at uneven times, {figures(found['rate'], 4)} a second on average"
     )
     left = found["role"] == "train" and found["fitted"] < found["readings"]
     fitted = f", the first {found['fitted']} are fitted" if left else ""

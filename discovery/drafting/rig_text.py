@@ -21,8 +21,10 @@ from discovery.drafting.unused import DIFFERS, unused_words
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
+from discovery.foundation.sampling import mean_rate
 from discovery.recordings.file_signals import ARM_STEMS
 from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.renewals import renewals
 from discovery.recordings.rounding import quantum, resolution
 from discovery.rigs.kinds import KINDS
 
@@ -207,8 +209,8 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
     if found.header:
         names = ", ".join(map(quoted_text, found.header))
         yield f"header = [{names}]   # the file has no line of names: name every column"
-    span = time[-1] - time[0]
-    size = f"{time.size} readings, {figures(span, 4)} s, about {figures((time.size - 1) / span, 4)} a second"
+    span = float(time[-1] - time[0])
+    size = f"{time.size} readings, {figures(span, 4)} s, {figures(mean_rate(time), 4)} a second on average"
     if found.time is None:
         yield f"time = {{ rate_hz = {found.rate:g} }}   # {size}"
     else:
@@ -276,6 +278,8 @@ def _zero(recordings: Sequence[Signals], guess: Guess) -> float | None:
 def _noise(found: Signals) -> tuple[float, float]:
     """Return the noise of a reading, no less than that of its steps, and the step if that is what it is."""
     values, time = found.output.values, found.seconds
+    if (renewed := renewals(time, values)) is not None:
+        values, time = values[renewed.fresh], time[renewed.fresh] if renewed.time is None else renewed.time
     scatter, step = estimate_noise(values, time), quantum(values, time)
     rounding = resolution(values, time) if step > 0.0 else 0.0
     return max(scatter, rounding), step if rounding > scatter else 0.0

@@ -17,6 +17,17 @@ def median_step(time: FloatArray) -> float:
     return float(np.median(np.diff(time)))
 
 
+def mean_rate(time: FloatArray) -> float:
+    """Return how many instants there are per unit of their time, from the first to the last: that tells of any steps.
+
+    Examples
+    --------
+    >>> mean_rate(np.array([0.0, 0.1, 0.3, 0.4, 0.5]))
+    8.0
+    """
+    return float((time.size - 1) / (time[-1] - time[0]))
+
+
 def gaps(time: FloatArray, step: float | None = None) -> BoolArray:
     """Return for each of the n - 1 steps between n instants whether samples are missing in it.
 

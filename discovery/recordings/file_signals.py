@@ -35,6 +35,7 @@ class Signals:
     source: str
     as_read: dict[str, FloatArray]
     added: FloatArray | None = None
+    rows: IntArray | None = None  # see `Recording`
 
     @classmethod
     def read(

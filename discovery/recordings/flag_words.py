@@ -8,6 +8,7 @@ from typing import Any
 from discovery.recordings.running_on import DRIVEN
 
 UNDERSTATED, OVERSTATED, MISREAD = "noise_understated", "noise_overstated", "columns_misread"
+REPEATED = "readings_repeated"
 #: Severity of a flag that refutes what the rig file declares.
 IMPOSSIBLE = "impossible"
 _BENT = 0.9  # rms deflection of a rod [rad]
@@ -81,6 +82,11 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "The time stamps {kind}: their steps lie between {shortest:.4g} and {longest:.4g} s. They are taken as they "
         "are.",
     ),
+    "read_at_marks": (
+        "note",
+        "Readings count marks, one a row: what was measured is when each passed, {shortest:.4g} to {longest:.4g} s "
+        "after the one before.",
+    ),
     "times_rounded": (
         "note",
         "The time stamps are rounded to {rounding:.2g} s: a steady clock of {rate:.4g} readings a second explains all "
@@ -120,6 +126,18 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "note",
         "{column!r} reads in steps of {step:unit4}: its noise is taken as at least {rounding:unit}, the standard "
         "deviation of rounding.",
+    ),
+    REPEATED: (
+        "left_out",
+        lambda n: (
+            "{column!r} repeats the reading before in {share:.0%} of the rows in which it moves: it was asked "
+            "{polled:.4g} times a second, and has a new reading {rate:.4g} times. The repeats are left out"
+            + (
+                ", and the others are taken at the times of the sensor's own steady clock."
+                if n["moved"]
+                else ". The others may be older than their stamps by up to {step:.2g} s: ask no more often than that."
+            )
+        ),
     ),
     "readings_stuck": (
         "left_out",

@@ -8,9 +8,19 @@ from string import Formatter
 from typing import Any
 
 from discovery.declarations.units import quoted
-from discovery.recordings.flag_words import CODES, IMPOSSIBLE, MISREAD, NOISE, OVERSTATED, UNDERSTATED
+from discovery.recordings.flag_words import CODES, IMPOSSIBLE, MISREAD, NOISE, OVERSTATED, REPEATED, UNDERSTATED
 
-__all__ = ["IMPOSSIBLE", "MISREAD", "OVERSTATED", "UNDERSTATED", "Flag", "doubted", "impossible", "misstated"]
+__all__ = [
+    "IMPOSSIBLE",
+    "MISREAD",
+    "OVERSTATED",
+    "REPEATED",
+    "UNDERSTATED",
+    "Flag",
+    "doubted",
+    "impossible",
+    "misstated",
+]
 
 _FAR = 2.0  # ratio of a stated noise to a smaller one that hides what is sought
 

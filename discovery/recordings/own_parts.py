@@ -47,7 +47,8 @@ def own_parts(part: RecordPart, rig: Rig, read: Reader) -> list[tuple[RecordPart
         return [(part, whole)]
     first = part.samples[0] if part.samples else 0
     last = part.samples[1] if part.samples else None
-    rows = [first + rig.columns.every * edge for edge in edges]
+    places = edges if whole.rows is None else [int(whole.rows[edge]) for edge in edges]
+    rows = [first + rig.columns.every * place for place in places]
     rows[-1] = last if last is not None and edges[-1] == whole.time.size else rows[-1]
     spans = list(pairwise(rows))
     found = _read_all(part, spans, whole, edges, read)

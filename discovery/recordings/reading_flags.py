@@ -11,6 +11,7 @@ from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.rounding import quantum
+from discovery.recordings.saturation import cut_off
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import TimeColumn
 
@@ -29,13 +30,18 @@ _SINE = 0.12  # of the standard deviation, what a sine may leave of a part of a 
 _ENOUGH = 300  # samples of a part of a swing
 
 
-def time_flags(time: FloatArray, column: TimeColumn) -> list[Flag]:
-    """Tell what is unusual about sample times [s], strictly increasing, of a column."""
+def time_flags(time: FloatArray, column: TimeColumn, *, marks: bool = False) -> list[Flag]:
+    """Tell what is unusual about sample times [s], strictly increasing, of a column.
+
+    Those at which `marks` passed come as the motion brings them.
+    """
     if column.assumed:
         return [Flag("rate_unknown")]
     steps = np.diff(time)
     step = median_step(time)
     flags = [Flag("clock_far", numbers={"zero": column.zero})] if column.zero else []
+    if marks:
+        return [*flags, Flag("read_at_marks", numbers={"shortest": float(steps.min()), "longest": float(steps.max())})]
     missed = gaps(time)
     regular = np.abs(steps[~missed] - step) < _JITTER * step
     # Many rows are lost, too, where every step is a whole number of steps of one clock.
@@ -132,6 +138,15 @@ def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
     return float(np.std(values - sine @ np.linalg.lstsq(sine, values, rcond=None)[0]))
 
 
+def without_ends(label: str, unit: str, time: FloatArray, values: FloatArray) -> tuple[FloatArray, list[Flag]]:
+    """Leave out readings (n,) that an end of the instrument's range cuts off, and tell it; their noise is none."""
+    cut, limits = cut_off(values, quantum(values, time))
+    if not limits:
+        return values, []
+    numbers = {"limits": [float(limit) for limit in limits], "count": int(cut.sum())}
+    return np.where(cut, np.nan, values), [Flag("readings_clipped", label, unit, numbers)]
+
+
 def clean_output(
     label: str,
     unit: str,
@@ -142,13 +157,15 @@ def clean_output(
     given: FloatArray | None = None,
     *,
     rate: bool = False,
+    driven: bool = False,
 ) -> tuple[FloatArray, list[Flag]]:
     """Leave out what the instrument did not measure, and tell what else is unusual.
 
     `label`, `unit`: column and its unit in the file. `time`, `values` (n,): times [s] and readings; NaN are gaps.
     `noise`: standard deviation of a reading. `returns`: whether the system has a rest position, so that its mean must
-    not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. Returned: the
-    readings with NaN for stuck and clipped ones, the same array where there are none, and what is told.
+    not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. `driven`:
+    whether a position is read of what an input moves, which may come to rest anywhere. Returned: the readings with NaN
+    for stuck and clipped ones, the same array where there are none, and what is told.
     """
     step = quantum(values, time)
     rounding = step / np.sqrt(12.0)
@@ -159,7 +176,7 @@ def clean_output(
 
     if rounding > _COARSE * noise:
         tell("readings_coarse", step=float(step), rounding=float(rounding))
-    flat = flat_runs(values, max(noise, step), rate=rate)
+    flat = flat_runs(values, max(noise, step), rate=rate, driven=driven)
     if flat.stretches:
         start, length = max(flat.stretches, key=lambda run: run[1])
         total = {"stretches": len(flat.stretches), "total": int(flat.stuck.sum())}

@@ -12,7 +12,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
 from discovery.recordings.local_fits import CALMER, FAR, KEPT, SLOWEST, misses
-from discovery.recordings.rounding import resolution
+from discovery.recordings.rounding import are_marks, resolution
 from discovery.recordings.timing_errors import excess_scatter
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
@@ -154,15 +154,18 @@ def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
     squared binomial coefficients, has the variance of the noise. Their median absolute deviation (times 1.4826,
     Gaussian) does not see steps and outliers; the smallest estimate is the one that holds least of the signal. Where
     steps are uneven, plain differences keep some of the slope: there divided ones are taken beside them. Both are,
-    because a stamp may err where the samples were steady. Without times, samples are equally spaced; NaN are skipped.
+    because a stamp may err where the samples were steady. Of marks, which count one by one, only divided ones tell:
+    what was read is when they passed. Without times, samples are equally spaced; NaN are skipped.
     Differences amplify errors that alternate from one sample to the next. Local fits through more samples than they
     need do not: where these scatter less, beyond chance, errors do alternate, and theirs is the estimate.
     The estimate is 0 for a signal without noise, NaN with fewer than 18 samples.
     """
-    estimates = _estimates(values)
-    if time is not None and are_uneven(good := time[np.isfinite(values)]):
-        estimates += _estimates_at(good, values[np.isfinite(values)])
-    return _calmed(values, min(estimates, default=float("nan")))
+    if time is None or not are_uneven(good := time[np.isfinite(values)]):
+        return _calmed(values, min(_estimates(values), default=float("nan")))
+    divided = _estimates_at(good, read := values[np.isfinite(values)])
+    if are_marks(good, read):
+        return min(divided, default=float("nan"))
+    return _calmed(values, min(_estimates(values) + divided, default=float("nan")))
 
 
 def _calmed(values: FloatArray, differences: float) -> float:
@@ -244,18 +247,20 @@ def noise_flags(
 
     Nothing is said of few or coarse readings, nor where the scatter is larger but may be the signal's. `band` is noise
     that the scatter from sample to sample does not show; errors of time stamps by `jitter` [s] explain a part of it.
-    NaN are gaps.
+    NaN are gaps, and marks say nothing.
     """
     estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)
     scatter = _calmed(values, scatter) if band is None else scatter
-    if np.isfinite(values).sum() < _FEWEST_READINGS or resolution(values, time) > _COARSE * scatter:
+    good = np.isfinite(values)
+    coarse = resolution(values, time) > _COARSE * scatter
+    if good.sum() < _FEWEST_READINGS or coarse or are_marks(time[good], values[good]):
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []
     if jitter > 0.0 and scatter > stated and not excess_scatter(time, values, stated, jitter) > _OTHER:
         return []
-    even = not are_uneven(time[np.isfinite(values)])
+    even = not are_uneven(time[good])
     settled = band is not None or (even and estimates[-1] >= _SETTLED * estimates[-2])
     if scatter > stated and not settled:
         return []

@@ -4,31 +4,29 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
-from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError
-from discovery.mechanics import get_base
 from discovery.plots.recordings import RecordingViews
+from discovery.recordings.cleaning import cleaned, timed
 from discovery.recordings.file_signals import ARM_STEMS, Signals
-from discovery.recordings.flags import Flag
+from discovery.recordings.flags import REPEATED, Flag
 from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
-from discovery.recordings.jitter import jitter_of
 from discovery.recordings.plausibility import check_arm, check_signals
-from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
-from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
-from discovery.recordings.rounding import quantum, resolution
+from discovery.recordings.reading_flags import bend_flags, swing_flags, time_flags
+from discovery.recordings.reading_noise import BandNoise
+from discovery.recordings.renewals import on_sensors_clock
+from discovery.recordings.rounding import are_marks, quantum
 from discovery.recordings.time_stamps import on_its_clock, scatter
 from discovery.recordings.turns import join_turns
 from discovery.recordings.unit_mistakes import check_units
 from discovery.rigs.rig import ForceView, Rig
-
-Bands = list[BandNoise | None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,6 +61,8 @@ class Recording(RecordingViews):
         Standard deviation of the error of a time stamp [s]: a reading that moves errs by slope times that, too.
     bands : tuple of BandNoise or None
         Noise of each channel whose neighbours err alike; None, as an empty tuple for all of them, where it is white.
+    rows : array, shape (n + 1,), or None
+        Of the rows that were taken, those of the readings, and last their number; None where all hold readings.
 
     Examples
     --------
@@ -92,6 +92,7 @@ class Recording(RecordingViews):
     flags: tuple[Flag, ...] = ()
     jitter: float = 0.0
     bands: tuple[BandNoise | None, ...] = ()
+    rows: IntArray | None = None
 
     @cached_property
     def scatter(self) -> FloatArray:
@@ -170,15 +171,13 @@ def read_recording(
     assert rig is not None
     found = Signals.read(path, rig, samples, with_output, where)
     stated = _stated_noise(rig, found.channels)
-    checked = [*on_its_clock(rig, found), *_checked(rig, found)]
-    guessed = found.table.guessed
-    flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
-    flags += [*time_flags(found.time, rig.columns.time), *checked]
+    flags = _checked(rig, found)
+    repeats = [flag for flag in flags if flag.code == REPEATED]
     if found.inputs is None and found.outputs and rig.traits.returns:
         flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
-    noise, bands, more = _cleaned(rig, found, stated)
+    noise, bands, more = cleaned(rig, found, stated)
     check_signals(found, rig.traits.fewest)
-    jitter, told = _timed(rig, found, noise, stated, bands)
+    jitter, told = timed(rig, found, noise, stated, bands, repeats)
     if rig.view is not None and found.inputs is not None:
         noise = _viewed(rig.view, found, noise)
     missing = np.full(found.time.size, np.nan)
@@ -196,64 +195,31 @@ def read_recording(
         flags=(*flags, *more, *told),
         jitter=jitter,
         bands=tuple(bands),
+        rows=found.rows,
     )
 
 
 def _checked(rig: Rig, found: Signals) -> list[Flag]:
-    """Refuse what cannot be a measurement of this rig; join the turns of an angle, and take in an added input."""
-    flags = join_turns(rig, found)
+    """Refuse what cannot be a measurement of this rig, and tell what is odd about its file, its times and its turns.
+
+    Times become those of steady clocks, turns of an angle are joined, and an added input is taken in.
+    """
+    guessed = found.table.guessed
+    flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
+    odd = [*on_its_clock(rig, found), *join_turns(rig, found)]
     inputs, outputs = found.inputs, found.outputs
     check_signals(found, rig.traits.fewest)
     if rig.traits.has_rod:
         check_arm(found, rig)
-        flags += [] if inputs is None else bend_flags(inputs, outputs)
-    elif outputs:
+        odd += [] if inputs is None else bend_flags(inputs, outputs)
+    elif outputs and rig.columns.output.reads == "position":
         check_units(found, rig)
     if inputs is not None and found.added is not None and rig.controller is not None:
         # What is added to the command acts as a reference that is further off.
         found.inputs = inputs + found.added / (rig.controller.kv * rig.controller.kp)
-    return flags
-
-
-def _cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[list[float], Bands, list[Flag]]:
-    """Leave out what no sensor measured; return the noise of each channel, its band, and what is unusual about it."""
-    noise: list[float] = []
-    bands: Bands = []
-    flags: list[Flag] = []
-    returns = rig.traits.returns and rig.view is None
-    rate = get_base(rig.base).order == 1
-    for channel, known in zip(found.channels, stated, strict=True):
-        if channel not in found.outputs:
-            noise.append(1.0 if known is None else known)
-            bands.append(None)
-            continue
-        name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
-        flags += gap_flags(name, found.time, found.as_read[channel])
-        given, scatter = found.inputs, estimate_noise(values, found.time)
-        # A view passes filters of its own.
-        band = band_noise(found.time, values, scatter, given) if rig.view is None else None
-        seen = scatter if band is None else band.sd
-        # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
-        noise.append(max(seen if known is None else known, resolution(values, found.time)))
-        bands.append(band)
-        if band is not None:
-            flags.append(Flag("noise_alike", name, unit, {"scatter": scatter, **asdict(band)}))
-        values, told = clean_output(name, unit, found.time, values, noise[-1], returns, given=given, rate=rate)
-        found.outputs[channel] = values
-        flags += told
-    return noise, bands, flags
-
-
-def _timed(
-    rig: Rig, found: Signals, noise: list[float], stated: Sequence[float | None], bands: Bands
-) -> tuple[float, list[Flag]]:
-    """Return by how much stamps err [s], and tell it, and where scatter is not the noise that is stated with that."""
-    jitter, flags = jitter_of(rig, found, noise, stated)
-    for channel, known, band in zip(found.channels, stated, bands, strict=True):
-        if known is not None and channel in found.outputs:
-            label, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
-            flags += noise_flags(label, unit, found.time, values, known, band=band, jitter=jitter)
-    return jitter, flags
+    odd += [] if rig.view else on_sensors_clock(found)
+    marks = any(are_marks(found.time, values) for values in found.outputs.values())
+    return [*flags, *time_flags(found.time, rig.columns.time, marks=marks), *odd]
 
 
 def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:

@@ -32,7 +32,7 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
     good = np.isfinite(values)
     finite = values[good]
     distinct = np.unique(finite)
-    if distinct.size < _DISTINCT or (time is not None and _are_marks(time[good], finite)):
+    if distinct.size < _DISTINCT or (time is not None and are_marks(time[good], finite)):
         return 0.0
     gaps = np.diff(distinct)
     # Conversions of units leave twins of one reading that differ in the last bits.
@@ -48,8 +48,8 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
     return 0.0
 
 
-def _are_marks(time: FloatArray, values: FloatArray) -> bool:
-    """Return whether readings come one by one where a mark passes."""
+def are_marks(time: FloatArray, values: FloatArray) -> bool:
+    """Return whether readings (n,) come one by one where a mark passes, as at a light barrier: times [s] are read."""
     steps = np.abs(np.diff(values))
     if steps.size < _MARKS or not are_uneven(time):
         return False

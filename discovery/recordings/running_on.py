@@ -17,6 +17,8 @@ DRIVEN = (
 _TURNS, _BACK, _END, _SLOWER = 4.0 * np.pi, 0.1, 0.25, 0.5
 #: Readings of which the means tell which way it goes.
 _LOOKED = 50
+#: Counts of a counter, at least.
+_COUNTS = 20
 
 
 def runs_on(output: FloatArray, unit: str = "rad") -> bool:
@@ -44,3 +46,17 @@ def runs_on(output: FloatArray, unit: str = "rad") -> bool:
         return bool(max(ways) > _TURNS)
     last = steps[-max(1, round(_END * steps.size)) :]
     return bool(last.mean() / steps.mean() > _SLOWER)
+
+
+def counts_up(output: FloatArray) -> bool:
+    """Return whether readings (n,) are those of a counter: whole numbers that never go back, or never forward.
+
+    Examples
+    --------
+    >>> counts_up(np.arange(4264.0, 4432.0)), counts_up(np.round(9.0 * np.sin(np.arange(99.0))))
+    (True, False)
+    """
+    read = output[np.isfinite(output)]
+    steps = np.diff(read)
+    one_way = (steps >= 0.0).all() or (steps <= 0.0).all()
+    return bool(one_way and (read == np.round(read)).all() and np.unique(read).size > _COUNTS)

@@ -45,7 +45,7 @@ class FlatRuns:
     limits: tuple[float, ...]
 
 
-def flat_runs(values: FloatArray, error: float, *, rate: bool = False) -> FlatRuns:
+def flat_runs(values: FloatArray, error: float, *, rate: bool = False, driven: bool = False) -> FlatRuns:
     """Find equal readings in a row between which the system was moving; NaN are gaps.
 
     A motion that turns or comes to rest slows down before it stands still, and a quantised one covers only a few
@@ -54,7 +54,8 @@ def flat_runs(values: FloatArray, error: float, *, rate: bool = False) -> FlatRu
     with a jump, as of an instrument that falls to a dead value, is stuck at the extreme too, and as a whole.
 
     `error` is the standard deviation of a reading, or the quantum if that is larger. Where `rate` says that a speed is
-    read, dry friction ends it abruptly: zero, to which no jump leads, is a standstill.
+    read, dry friction ends it abruptly: zero, to which no jump leads, is a standstill. So is any place of what is
+    `driven`, where it slows down before, and moves on from there without a jump.
     """
     change = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
     starts, lengths = change[:-1], np.diff(change)
@@ -71,6 +72,8 @@ def flat_runs(values: FloatArray, error: float, *, rate: bool = False) -> FlatRu
             continue
         run = (int(start), int(length))
         if rate and abs(values[start]) <= error and not _jumps(values, *run, error):
+            continue
+        if driven and _rests(values, *run, error):
             continue
         if limit:
             at_limit.setdefault(float(values[start]), []).append(run)
@@ -100,6 +103,19 @@ def _jumps(values: FloatArray, start: int, length: int, error: float) -> bool:
     low, high = sorted((near[-1], 2.0 * near[-1] - near[-2]))
     beyond = max(low - values[start], values[start] - high)
     return bool(beyond > _JUMP * np.abs(np.diff(near, 2)).max() + _SEEN * error)
+
+
+def _rests(values: FloatArray, start: int, length: int, error: float) -> bool:
+    """Whether what moves slows down to a run of equal readings, and moves on from it, where it moves on.
+
+    The motion goes on behind a sensor that sticks, and the reading jumps after it.
+    """
+    before = values[max(0, start - 2 * _EDGE) : start + 1][::-1]
+    if before.size <= 2 * _EDGE or not np.isfinite(before).all() or _jumps(values, start, length, error):
+        return False
+    last, earlier = abs(before[_EDGE] - before[0]), abs(before[2 * _EDGE] - before[_EDGE])
+    slows = last <= max(_ABRUPT_STUCK * earlier, _SEEN * error)
+    return bool(slows and not _jumps(values[::-1], values.size - start - length, length, error))
 
 
 def _interrupts(values: FloatArray, start: int, length: int, error: float, abrupt: float) -> bool:

@@ -91,8 +91,9 @@ class OutputTable(Table):
 
     name: Text = Field(description="Column of the output.")
     unit: Text = Field(
-        description="Unit of the output, after `zero` and `scale`; `1` for a pure number. A `pendulum` has an "
-        "angle, a `falling_body` a length."
+        description="Unit of the output, after `zero` and `scale`; `1` for a pure number. It measures what is read: "
+        "a `pendulum` has an angle, a `falling_body` a length, an accelerometer `m/s^2` or `g_0`, the standard gravity "
+        "of 9.80665 m/s^2 (`mg_0` is a thousandth; `g` is the gram, and refused)."
     )
     noise: _Positive | Literal["estimate"] | None = Field(
         default=None,

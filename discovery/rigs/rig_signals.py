@@ -4,12 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from discovery.declarations.units import is_force, si_factor, si_symbol
+from discovery.declarations.units import dimension, is_force, known_dimension, mistaken_for, si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
 from discovery.rigs.rig_mistakes import RigText
 from discovery.rigs.rig_schema import ColumnsTable, RigTable
+
+#: What a unit of an output certainly measures, by a unit of it; an angle is told from a pure number.
+_MEASURED = {
+    **{"kg": "a mass", "m": "a length", "rad": "an angle", "s": "a time", "N": "a force"},
+    **{"m/s": "a speed", "rad/s": "a speed of turning"},
+    **{"m/s^2": "an acceleration", "rad/s^2": "an acceleration of turning"},
+}
+_MOTIONS = ("m/s", "rad/s", "m/s^2", "rad/s^2")
+#: What an output cannot be measured in, by what is read, and what it is read as.
+_REFUSED = {
+    "position": (("kg", *_MOTIONS), "a position, as a length, an angle, or in volts"),
+    "acceleration": (("kg", "m", "rad", "s", "N", "m/s", "rad/s"), "an acceleration, as in m/s^2, g_0 or volts"),
+    "force": (("kg",), "a force or a torque, as in N, kgf or volts"),
+}
 
 
 def check_tables(file: RigText, table: RigTable) -> None:
@@ -86,7 +100,9 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
         )
     factor = _factors(file)
     second = factor("time", time.unit, "s")
-    scale = factor("output", columns.output.unit, None if table.view else kind.unit)
+    wanted = f"{kind.unit}/s^2" if kind.unit and columns.output.reads == "acceleration" else kind.unit
+    scale = factor("output", columns.output.unit, None if table.view else wanted)
+    _check_read(file, table, columns)
     if columns.input is not None:
         factor("input", columns.input.unit, None)
     _check_header(file, columns)
@@ -112,6 +128,36 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
     if kind.shaken and found.input is not None and not found.turns_by_shift:
         _refuse_unlike(file, found.input.unit, found.output.unit)
     return found
+
+
+def _check_read(file: RigText, table: RigTable, columns: ColumnsTable) -> None:
+    """Refuse an output in a unit of something else than what is read; the equations of a system tell theirs."""
+    if KINDS[table.kind].has_own_equations:
+        return
+    unit, reads = columns.output.unit, "force" if table.view else columns.output.reads
+    refused, wanted = _REFUSED[reads]
+    symbol = si_symbol(unit)
+    found = next((of for of in refused if symbol == of or (of != "rad" and _alike(symbol, of))), None)
+    if found is None:
+        return
+    remedy = mistaken_for(unit)
+    if not remedy:
+        remedy = " Correct the unit, or what turns the readings into it: zero and scale."
+        if reads == "position" and found in ("m/s^2", "rad/s^2"):
+            remedy = ' Add reads = "acceleration" to the output.'
+        elif reads == "position" and found in _MOTIONS:
+            remedy = " A speed is read by a system in its own equations: docs/YOUR_SYSTEM.md."
+    elif reads == "position":
+        remedy += ' An accelerometer also needs reads = "acceleration".'
+    raise InputError(
+        f"{file.at('columns', 'output', 'unit')}: the key 'columns.output.unit' is {unit!r}, {_MEASURED[found]}, but "
+        f"the output is read as {wanted}.{remedy}"
+    )
+
+
+def _alike(first: str, second: str) -> bool:
+    """Return whether two SI units have one dimension; a unit that is none has that of no other."""
+    return known_dimension(first) == dimension(second.replace("/", " / "))
 
 
 def _refuse_unlike(file: RigText, moved: str, read: str) -> None:

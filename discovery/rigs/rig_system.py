@@ -17,7 +17,7 @@ from discovery.declarations.formula import reserved_words
 from discovery.declarations.registry import catalogue
 from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.declarations.unit_suffixes import named_unit
-from discovery.declarations.units import dimension, homogeneous, si_factor, si_symbol
+from discovery.declarations.units import dimension, homogeneous, mistaken_for, si_factor, si_symbol
 from discovery.foundation.errors import InputError, suggestion
 from discovery.mechanics.systems import system_base
 from discovery.rigs.kinds import KINDS
@@ -197,4 +197,5 @@ def _check_columns(table: RigTable, declaration: SystemDeclaration, output: str,
         pairs.append(("input", columns.input.unit, declaration.input[1]))
     for name, unit, wanted in pairs:
         if not homogeneous(si_symbol(unit), wanted):
-            raise refuse(name, f"it is in {wanted}, and its column in {unit!r}. Correct the equation or the column.")
+            remedy = mistaken_for(unit) or " Correct the equation or the column."
+            raise refuse(name, f"it is in {wanted}, and its column in {unit!r}.{remedy}")

@@ -1,0 +1,77 @@
+"""What no sensor measured is left out of a recording, and the noise of the rest is told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from discovery.mechanics import get_base
+from discovery.recordings.file_signals import Signals
+from discovery.recordings.flags import Flag
+from discovery.recordings.jitter import jitter_of
+from discovery.recordings.reading_flags import clean_output, gap_flags, without_ends
+from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
+from discovery.recordings.rounding import resolution
+from discovery.rigs.rig import Rig
+
+Bands = list[BandNoise | None]
+
+
+def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[list[float], Bands, list[Flag]]:
+    """Leave out what no sensor measured; return the noise of each channel, its band, and what is unusual about it."""
+    noise: list[float] = []
+    bands: Bands = []
+    flags: list[Flag] = []
+    returns = rig.traits.returns and rig.view is None
+    rate = get_base(rig.base).order == 1
+    position = not rate and rig.view is None and rig.columns.output.reads == "position"
+    driven = position and found.inputs is not None and not rig.traits.has_rod
+    for channel, known in zip(found.channels, stated, strict=True):
+        if channel not in found.outputs:
+            noise.append(1.0 if known is None else known)
+            bands.append(None)
+            continue
+        name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
+        flags += gap_flags(name, found.time, found.as_read[channel])
+        if rig.view is None:  # a force of friction is flat by itself
+            values, told = without_ends(name, unit, found.time, values)
+            flags += told
+        given, scatter = found.inputs, estimate_noise(values, found.time)
+        # A view passes filters of its own.
+        band = band_noise(found.time, values, scatter, given) if rig.view is None else None
+        seen = scatter if band is None else band.sd
+        # A noise of zero would give its samples infinite weight: fall back on the resolution of the readings.
+        noise.append(max(seen if known is None else known, resolution(values, found.time)))
+        bands.append(band)
+        if band is not None:
+            flags.append(Flag("noise_alike", name, unit, {"scatter": scatter, **asdict(band)}))
+        values, told = clean_output(
+            name, unit, found.time, values, noise[-1], returns, given=given, rate=rate, driven=driven
+        )
+        found.outputs[channel] = values
+        flags += told
+    return noise, bands, flags
+
+
+def timed(
+    rig: Rig,
+    found: Signals,
+    noise: list[float],
+    stated: Sequence[float | None],
+    bands: Bands,
+    repeats: Sequence[Flag] = (),
+) -> tuple[float, list[Flag]]:
+    """Return by how much stamps err [s], and tell it, and where scatter is not the noise that is stated with that.
+
+    What `repeats` tell of a sensor that was asked too often tells of its times, too.
+    """
+    if any(flag.numbers["moved"] for flag in repeats) and rig.columns.time.jitter is None:
+        jitter, flags = 0.0, list[Flag]()
+    else:
+        jitter, flags = jitter_of(rig, found, noise, stated)
+        flags = [] if repeats else flags
+    for channel, known, band in zip(found.channels, stated, bands, strict=True):
+        if known is not None and channel in found.outputs:
+            label, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
+            flags += noise_flags(label, unit, found.time, values, known, band=band, jitter=jitter)
+    return jitter, flags
