@@ -15,12 +15,11 @@ from discovery.rigs.rig_schema import ColumnsTable, RigTable
 _MEASURED = {
     **{"kg": "a mass", "m": "a length", "rad": "an angle", "s": "a time", "N": "a force"},
     **{"m/s": "a speed", "rad/s": "a speed of turning"},
-    **{"m/s^2": "an acceleration", "rad/s^2": "an acceleration of turning"},
 }
-_MOTIONS = ("m/s", "rad/s", "m/s^2", "rad/s^2")
-#: What an output cannot be measured in, by what is read, and what it is read as.
+#: What an output cannot be measured in, by what is read, and what it is read as. The speed or the acceleration of a
+#: linear body moves as its position does.
 _REFUSED = {
-    "position": (("kg", *_MOTIONS), "a position, as a length, an angle, or in volts"),
+    "position": (("kg",), "a position, as a length, an angle, or in volts"),
     "acceleration": (("kg", "m", "rad", "s", "N", "m/s", "rad/s"), "an acceleration, as in m/s^2, g_0 or volts"),
     "force": (("kg",), "a force or a torque, as in N, kgf or volts"),
 }
@@ -140,14 +139,8 @@ def _check_read(file: RigText, table: RigTable, columns: ColumnsTable) -> None:
     found = next((of for of in refused if symbol == of or (of != "rad" and _alike(symbol, of))), None)
     if found is None:
         return
-    remedy = mistaken_for(unit)
-    if not remedy:
-        remedy = " Correct the unit, or what turns the readings into it: zero and scale."
-        if reads == "position" and found in ("m/s^2", "rad/s^2"):
-            remedy = ' Add reads = "acceleration" to the output.'
-        elif reads == "position" and found in _MOTIONS:
-            remedy = " A speed is read by a system in its own equations: docs/YOUR_SYSTEM.md."
-    elif reads == "position":
+    remedy = mistaken_for(unit) or " Correct the unit, or what turns the readings into it: zero and scale."
+    if mistaken_for(unit) and reads == "position":
         remedy += ' An accelerometer also needs reads = "acceleration".'
     raise InputError(
         f"{file.at('columns', 'output', 'unit')}: the key 'columns.output.unit' is {unit!r}, {_MEASURED[found]}, but "
