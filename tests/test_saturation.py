@@ -8,7 +8,7 @@ import pytest
 
 from discovery.recordings.recording import read_recording
 from discovery.recordings.rounding import quantum
-from discovery.recordings.saturation import cut_off
+from discovery.recordings.sensor_faults import cut_off
 from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
 
 

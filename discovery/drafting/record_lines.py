@@ -1,19 +1,25 @@
-"""The lines of a drafted rig file that name its recordings, and the trials in them."""
+"""What a drafted rig file says of its recordings: their lines, their trials, and the columns that it leaves out."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from discovery.drafting.names import meaning_of
 from discovery.drafting.signals import Signals, open_table
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
+
+#: What is said of a column, or of several, with one number in each recording.
+DIFFERS = "is held, and differs between recordings", "are held, and differ between recordings"
+#: Of a step, by which the steps of a counter may differ.
+_EVEN = 0.05
 
 
 def quoted_text(value: str) -> str:
@@ -26,8 +32,11 @@ def record_lines(
 ) -> Iterator[str]:
     """Yield the table of recordings; of a single file, `which` picks the rows of each trial."""
 
+    def seen(path: Path) -> str:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
     def parts(paths: Sequence[Path], rows: Sequence[str]) -> str:
-        return ", ".join(f"{{ file = {quoted_text(_from(folder, path))}{part} }}" for path in paths for part in rows)
+        return ", ".join(f"{{ file = {quoted_text(path)}{part} }}" for path in map(seen, paths) for part in rows)
 
     yield "[records]"
     kept = which[-1:] if which and not holdout else []
@@ -48,18 +57,8 @@ def trial_rows(found: Signals) -> list[str]:
     return [f", where = {{ {_key(column)} = {value} }}" for value in said]
 
 
-def trial_column(found: Signals) -> str:
-    """Return the column that tells the trials of a file apart; empty where none does."""
-    return _trials(open_table(found.path)[0], found.seconds, found.unused)[0]
-
-
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted_text(name)
-
-
-def _from(folder: Path, path: Path) -> str:
-    """Name a file as seen from a folder."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
 def _trials(table: Table, time: FloatArray, names: Sequence[str]) -> tuple[str, list[str | float]]:
@@ -80,3 +79,51 @@ def _trials(table: Table, time: FloatArray, names: Sequence[str]) -> tuple[str, 
         if all(len(part) == 1 for part in parts) and len(set(values)) == len(values):
             return name, values
     return "", []
+
+
+def unused_words(found: Signals, named: Collection[str] = ()) -> str:
+    """Name the columns that are left, and of which ones nothing but the user can tell whether they have a role.
+
+    Of the roles ``"input"`` and ``"output"``, the user `named` the columns of some: those are no longer asked for.
+    """
+    loose = [] if {"input", "output"} <= {*named} else _varying(found)
+    said = [", ".join(name for name in found.unused if name not in found.still and name not in loose)[:300]]
+    if loose:
+        said.append(f"{', '.join(loose)[:300]} ({_roles(len(loose) == 1, named)})")
+    return ", ".join(filter(None, [*said, *_held(found)]))
+
+
+def _roles(alone: bool, named: Collection[str]) -> str:
+    """Say with which options columns that vary are given a role."""
+    options = {"input": "with --input if it drives", "output": "with --output if it is the motion"}
+    asked = ", or ".join(text for role, text in options.items() if role not in named)
+    return f"{'varies: name it' if alone else 'vary: name one'} {asked}"
+
+
+def _held(found: Signals) -> Iterator[str]:
+    """Yield what is said of the columns that never change in a recording."""
+    for differs, one, several in ((False, "never changes", "never change"), (True, *DIFFERS)):
+        names = [name for name in found.still if (name in found.differ) is differs]
+        if names:
+            say = f"{one}: name it" if len(names) == 1 else f"{several}: name one"
+            yield f"{', '.join(names)[:300]} ({say} with --input if it drives)"
+
+
+def _varying(found: Signals) -> list[str]:
+    """Return the columns left that may be an input or an output: numbers that change, no times, counters or trials."""
+    table = open_table(found.path)[0]
+    trial = _trials(table, found.seconds, found.unused)[0]
+    names = []
+    for name in found.unused:
+        role = meaning_of(name).role
+        if role in ("time", "other") or name in found.still or name == trial:
+            continue
+        try:
+            values = table.numbers(name)
+        except InputError:
+            continue
+        steps = np.diff(values)
+        counts = role == "" and steps.size > 0 and bool((np.abs(steps - steps[0]) <= _EVEN * abs(steps[0])).all())
+        if np.isfinite(values).any() and not counts:
+            names.append(name)
+    return names

@@ -14,24 +14,19 @@ G. Wahba, J. R. Statist. Soc. B 45 (1983) 133 (standard deviations of a smoothin
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize_scalar
 
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.signals.penalised_spline import (
-    DEGREE,
-    PenalisedSpline,
-    SplineFit,
-    basis_matrix,
-    difference_matrix,
-    inverse_band,
-    uniform_knots,
-    upper_band,
-)
 
+#: Degree of the spline: its second derivative is still a cubic spline.
+_DEGREE = 5
 #: Orders of the penalised derivative to choose from.
 _ORDERS = (3, 4)
 
@@ -105,7 +100,7 @@ def smooth(time: FloatArray, values: FloatArray, noise: float | FloatArray | Non
     offset = np.average(y, weights=weight)  # keeps the sums of squares free of cancellation
     fit, order, system, segments = _best_spline(t, y - offset, weight, noise is not None)
     scale = 1.0 if noise is not None else float(np.sqrt(fit.misfit / max(t.size - fit.degrees_of_freedom, 1.0)))
-    spline = BSpline(system.knots, fit.coefficients + offset, DEGREE)
+    spline = BSpline(system.knots, fit.coefficients + offset, _DEGREE)
     sd = scale * _deviations(t, fit, system)
     smoother = Smoother(
         name="penalised quintic spline",
@@ -124,22 +119,22 @@ def smooth(time: FloatArray, values: FloatArray, noise: float | FloatArray | Non
 
 def _best_spline(
     t: FloatArray, y: FloatArray, weight: FloatArray, known_noise: bool
-) -> tuple[SplineFit, int, PenalisedSpline, int]:
+) -> tuple[_SplineFit, int, _PenalisedSpline, int]:
     """Return the fit of lowest score with its order of penalty, its system and its number of segments."""
-    best: tuple[SplineFit, int, PenalisedSpline, int] | None = None
+    best: tuple[_SplineFit, int, _PenalisedSpline, int] | None = None
     segments = max(t.size // 16, 8)
     while segments <= max(t.size // 2, 8):
-        knots = uniform_knots(t, segments)
-        basis = basis_matrix(t, knots, 0)
+        knots = _uniform_knots(t, segments)
+        basis = _basis_matrix(t, knots, 0)
         weighted = sparse.csr_array(basis.multiply(weight[:, None]))
-        gram = upper_band(sparse.csr_array(weighted.T @ basis))
+        gram = _upper_band(sparse.csr_array(weighted.T @ basis))
         moment, energy = weighted.T @ y, float(weight @ y**2)
         before = np.inf if best is None else best[0].score
         for order in _ORDERS:
-            rough = difference_matrix(segments + DEGREE, order)
-            penalty = upper_band(sparse.csr_array(rough.T @ rough))
+            rough = _difference_matrix(segments + _DEGREE, order)
+            penalty = _upper_band(sparse.csr_array(rough.T @ rough))
             penalty *= gram[-1].sum() / penalty[-1].sum()
-            system = PenalisedSpline(
+            system = _PenalisedSpline(
                 knots, gram, penalty=penalty, moment=moment, energy=energy, samples=t.size, known_noise=known_noise
             )
             fit = system.best()
@@ -154,12 +149,132 @@ def _best_spline(
     return best
 
 
-def _deviations(t: FloatArray, fit: SplineFit, system: PenalisedSpline) -> FloatArray:
+def _deviations(t: FloatArray, fit: _SplineFit, system: _PenalisedSpline) -> FloatArray:
     """Return the deviations of value, rate and acceleration under noise of the weights, shape (3, n)."""
-    covariance = inverse_band(fit.factor)
+    covariance = _inverse_band(fit.factor)
     sd = np.empty((3, t.size))
     for nu in range(3):
-        rows = basis_matrix(t, system.knots, nu)
+        rows = _basis_matrix(t, system.knots, nu)
         variance = np.asarray((rows @ covariance).multiply(rows).sum(axis=1)).ravel()
         sd[nu] = np.sqrt(np.maximum(variance, 0.0))
     return sd
+
+
+class _SplineFit(NamedTuple):
+    """Solution for one smoothing weight: its score, coefficients (K,) and the factor (6, K) of the normal equations."""
+
+    score: float
+    smoothing: float
+    coefficients: FloatArray
+    factor: FloatArray
+    degrees_of_freedom: float
+    misfit: float
+
+
+@dataclass(frozen=True)
+class _PenalisedSpline:
+    """Banded normal equations of one knot sequence and one order of penalty."""
+
+    knots: FloatArray  # (K + 6,), uniform knots
+    #: gram, penalty (6, K): weighted Gram matrix of the basis and Gram matrix of the differences, in upper banded
+    #: storage.
+    gram: FloatArray
+    penalty: FloatArray
+    moment: FloatArray  # (K,), weighted moments of the samples
+    energy: float  # weighted sum of the squared samples
+    samples: int  # number of samples
+    #: Score by Mallows' C_p, with weights of the true noise; by generalised cross-validation otherwise.
+    known_noise: bool
+
+    def solve(self, log_smoothing: float) -> _SplineFit | None:
+        """Return the spline of one smoothing weight, given as a power of ten; None if the equations are singular."""
+        smoothing = 10.0**log_smoothing
+        try:
+            factor = cholesky_banded(self.gram + smoothing * self.penalty)
+            # tr(A^-1 G) is the derivative of log det(mu G + smoothing P) at mu = 1: banded, without an inverse.
+            h = 1e-3
+            up, down = (cholesky_banded((1.0 + s * h) * self.gram + smoothing * self.penalty)[-1] for s in (1, -1))
+        except LinAlgError:
+            return None
+        coefficients = cho_solve_banded((factor, False), self.moment)
+        dof = float(np.sum(np.log(up / down)) / h)
+        misfit = max(self.energy - 2.0 * float(coefficients @ self.moment) + _quadratic(self.gram, coefficients), 0.0)
+        free = max(self.samples - dof, 1.0)
+        score = misfit + 2.0 * dof if self.known_noise else self.samples * np.log(misfit * self.samples / free**2)
+        return _SplineFit(float(score), smoothing, coefficients, factor, dof, misfit)
+
+    def best(self) -> _SplineFit:
+        """Smoothing weight with the lowest score: a coarse scan over decades, then a refinement."""
+        fits = {level: fit for level in np.arange(-8.0, 11.0) if (fit := self.solve(level)) is not None}
+        start = min(fits, key=lambda level: fits[level].score)
+
+        def score(level: float) -> float:
+            fit = self.solve(level)
+            return np.inf if fit is None else fit.score
+
+        refined = minimize_scalar(score, bounds=(start - 1.0, start + 1.0), method="bounded", options={"xatol": 0.05})
+        fit = self.solve(float(refined.x))
+        return fit if fit is not None and fit.score < fits[start].score else fits[start]
+
+
+def _quadratic(band: FloatArray, x: FloatArray) -> float:
+    """Return x' A x of a symmetric matrix in upper banded storage."""
+    width = band.shape[0] - 1
+    total = band[width] @ (x * x)
+    for k in range(1, width + 1):
+        total += 2.0 * band[width - k, k:] @ (x[k:] * x[:-k])
+    return float(total)
+
+
+def _upper_band(matrix: sparse.csr_array) -> FloatArray:
+    """Return a symmetric banded matrix (K, K) in upper banded storage, shape (6, K)."""
+    band = np.zeros((_DEGREE + 1, matrix.shape[0]))
+    for k in range(_DEGREE + 1):
+        band[_DEGREE - k, k:] = matrix.diagonal(k)
+    return band
+
+
+def _difference_matrix(size: int, order: int) -> sparse.csr_array:
+    """Matrix (size - order, size) of the ``order``-th differences."""
+    matrix = sparse.eye_array(size, format="csr")
+    for _ in range(order):
+        matrix = matrix[1:] - matrix[:-1]
+    return sparse.csr_array(matrix)
+
+
+def _inverse_band(factor: FloatArray) -> sparse.csr_array:
+    """Central band of the inverse of U'U from its banded factor (Takahashi's recursion)."""
+    width, size = factor.shape[0] - 1, factor.shape[1]
+    band = np.zeros((width + 1, size))
+    block = np.zeros((width, width))  # the inverse on the next `width` indices
+    row = np.zeros((size, width))
+    for k in range(1, width + 1):
+        row[: size - k, k - 1] = factor[width - k, k:]
+    for i in range(size - 1, -1, -1):
+        r = row[i] / factor[width, i]
+        z = -block @ r
+        variance = 1.0 / factor[width, i] ** 2 - r @ z
+        band[0, i], band[1:, i] = variance, z
+        block[1:, 1:] = block[:-1, :-1].copy()
+        block[0, 0] = variance
+        block[0, 1:] = block[1:, 0] = z[:-1]
+    upper = sparse.csr_array((size, size))
+    for k in range(1, width + 1):
+        upper = upper + sparse.diags_array(band[k, : size - k], offsets=k, shape=(size, size), format="csr")
+    return sparse.csr_array(upper + upper.T + sparse.diags_array(band[0], format="csr"))
+
+
+def _uniform_knots(time: FloatArray, segments: int) -> FloatArray:
+    """Return knots that divide the record into equal segments and reach beyond it on both sides."""
+    step = (time[-1] - time[0]) / segments
+    knots = time[0] + step * np.arange(-_DEGREE, segments + _DEGREE + 1)
+    knots[segments + _DEGREE] = time[-1]  # exact, so that the last sample is inside
+    return knots
+
+
+def _basis_matrix(time: FloatArray, knots: FloatArray, order: int) -> sparse.csr_array:
+    """Matrix (n, K) of the ``order``-th derivatives of the quintic B-splines on uniform knots."""
+    step, size = knots[1] - knots[0], knots.size - _DEGREE - 1
+    inner = knots[order : knots.size - order]
+    basis = sparse.csr_array(BSpline.design_matrix(time, inner, _DEGREE - order))
+    return basis @ _difference_matrix(size, order) / step**order if order else basis
