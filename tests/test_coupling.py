@@ -32,7 +32,8 @@ from discovery.mechanics.rod_shapes import polynomials, quadrature, reduced_shap
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording, read_recording
-from discovery.rigs.rig import PAPER_MODEL, Quantity, Rig
+from discovery.rigs.kinds import PAPER_MODEL
+from discovery.rigs.rig import Quantity, Rig
 from discovery.rigs.rig_file import read_rig
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator

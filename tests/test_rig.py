@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from discovery.foundation.errors import InputError
-from discovery.rigs.rig import ARM_COLUMNS, LINEAR_MODEL, PAPER_MODEL, Quantity
+from discovery.rigs.kinds import LINEAR_MODEL, PAPER_MODEL
+from discovery.rigs.rig import ARM_COLUMNS, Quantity
 from discovery.rigs.rig_file import read_rig
 
 ARM = """

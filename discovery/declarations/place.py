@@ -104,15 +104,10 @@ def amplitudes(effect: Effect) -> tuple[str, ...]:
     declared = {p.name: sp.Symbol(p.name, real=True) for p in effect.parameters()}
     if law.free_symbols & set(_TAKEN) - set(declared.values()):
         return ()
-    inner = set().union(*(slope.free_symbols for slope in _slopes(effect)))
+    inner = set().union(*(sp.sympify(rate).free_symbols for rate in effect.states().values()))
     shapes = {declared[p.name] for p in effect.parameters() if p.shape}
     found = {n: d for n, d in declared.items() if d in law.free_symbols - inner - shapes}
     parts = {n: sp.diff(law, d) for n, d in found.items()}
     linear = {n: part for n, part in parts.items() if found[n] not in part.free_symbols}
     rest = law - sp.Add(*[found[n] * part for n, part in linear.items()])
     return tuple(linear) if sp.expand(rest) == 0 else ()
-
-
-def _slopes(effect: Effect) -> list[sp.Expr]:
-    """Return the rates of the states that an effect remembers."""
-    return [sp.sympify(rate) for rate in effect.states().values()]

@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import NDArray
@@ -233,12 +234,26 @@ class Base(ABC):
         return 1.0
 
 
+@lru_cache(maxsize=64)
+def _derived(arm: ArmBase, rod: Rod) -> Mechanics:
+    """Derive the mathematics of an arm once: it is the same with all effects that leave the rod as it is."""
+    return arm.derive(rod)
+
+
 class ArmBase(Base):
     """A base of the flexible arm: lengths are in units of the arm's length, which the reading needs."""
 
     system = ARM
     input_moves = True
     length = Parameter("m", "length of the arm", (1e-3, 100.0), Normal(1.0, 1.0), default=1.0, fixed=True, latex="l")
+
+    def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
+        """Return the mathematics."""
+        return _derived(self, rod)
+
+    @abstractmethod
+    def derive(self, rod: Rod) -> Mechanics:
+        """Return the mathematics, derived anew."""
 
     def initial_coordinates(self, deflection, rate, drive, form=(0, 0)):
         """Return the tip angle and its rate."""

@@ -25,13 +25,9 @@ class ConstantRadius(ArmBase):
     n_coordinates = 1
     provides = frozenset({"base_compliance", *ROOT_JOINTS})
 
-    def _bending(self, rod: Rod) -> sp.Expr:
-        """Return the part of the deflection that the rod itself bends."""
-        return (_THETA - s.theta_m - rod.deflection) / (1 + 3 * rod.root)
-
-    def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
-        """Return the mathematics."""
-        bend = self._bending(rod)
+    def derive(self, rod: Rod) -> Mechanics:
+        """Return the mathematics, derived anew."""
+        bend = rod.bent(_THETA - s.theta_m)
         return lagrangian_mechanics(
             _THETA,
             _OMEGA,
@@ -49,7 +45,7 @@ class ConstantRadius(ArmBase):
 
     def reading(self, closure, rod=STRAIGHT):
         """Return the tip position in lengths of the arm."""
-        rho = sp.Integer(1) if closure is None else closure.subs(s.delta, self._bending(rod))
+        rho = sp.Integer(1) if closure is None else closure.subs(s.delta, rod.bent(_THETA - s.theta_m))
         return rho * sp.cos(_THETA), rho * sp.sin(_THETA)
 
 

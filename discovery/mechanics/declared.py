@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache, cached_property
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -17,6 +16,7 @@ from discovery.declarations.system import SystemDeclaration
 from discovery.mechanics.base import Base, Channel, Mechanics, Place, Strand
 from discovery.mechanics.declared_equations import INPUT, Equations, coordinates_of
 from discovery.mechanics.declared_parameters import Unread, constant_parameter, unread_coordinates
+from discovery.mechanics.lagrangian import total_derivative
 from discovery.mechanics.rod import STRAIGHT
 
 #: A direction counts as free of springs where what they answer is smaller than so much of the stiffest.
@@ -79,16 +79,16 @@ class DeclaredBase(Base):
     def mechanics(self, rod=STRAIGHT) -> Mechanics:
         """Return the mathematics: d/dt dT/dq' - dT/dq + dV/dq + dD/dq' = forces."""
         e, (q, rates, _) = self.equations, self._moving
-        pairs = [*zip(q, rates, strict=True), *pairwise(INPUT)]
         momenta = [sp.diff(e.kinetic, rate) for rate in rates]
         mass = tuple(tuple(sp.diff(p, rate) for rate in rates) for p in momenta)
         force = [
             e.forces[i]
-            - sp.Add(*[sp.diff(momenta[i], a) * b for a, b in pairs])
+            - total_derivative(momenta[i], q, rates)
             + sp.diff(e.kinetic - e.potential, q[i])
             - sp.diff(e.dissipation, rates[i])
             for i in range(len(q))
         ]
+        loss = self._at_rest(sp.hessian(e.dissipation, rates))
         channels: dict[sp.Symbol, Channel] = {}
         assignments: list[tuple[sp.Symbol, sp.Expr]] = []
         places: dict[str, Strand] = {}
@@ -96,7 +96,7 @@ class DeclaredBase(Base):
             own, inertia, stiffness = self._place(name, expression)
             channels |= {local(c, name): channel for c, channel in own.items()}
             assignments += [(local(INERTIA, name), sp.Float(inertia)), (local(s.alpha, name), stiffness)]
-            assignments += [(local(s.xi, name), self._across(name, self._loss()) / inertia)]
+            assignments += [(local(s.xi, name), self._across(name, loss) / inertia)]
             places[name] = (own[s.delta].value, own[s.delta_dot].value, own[s.delta].jacobian)
         # What is not named after a place acts at the first one: a force that stands for whatever is unknown.
         first = next(iter(e.places))
@@ -121,14 +121,9 @@ class DeclaredBase(Base):
         """Return the channels of a place, its inertia as a force there feels it, and its stiffness over that."""
         q, rates, _ = self._moving
         jacobian = tuple(sp.diff(value, a) for a in q)
-        pairs = [*zip(q, rates, strict=True), *pairwise(INPUT)]
-
-        def change(expression: sp.Expr) -> sp.Expr:
-            return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
-
-        rate = change(value)
+        rate = total_derivative(value, q, rates)
         still = tuple(sp.Integer(0) for _ in q)
-        position, moving = Channel(value, jacobian), Channel(rate, jacobian, change(rate))
+        position, moving = Channel(value, jacobian), Channel(rate, jacobian, total_derivative(rate, q, rates))
         square = Channel(rate**2, tuple(2 * rate * j for j in jacobian))
         found = dict.fromkeys((s.theta, s.delta, s.x, s.x_g, s.slope), position)
         found |= dict.fromkeys((s.omega, s.delta_dot, s.v_x, s.slope_dot), moving)
@@ -156,10 +151,6 @@ class DeclaredBase(Base):
             return sp.Integer(0)
         i, j = int(moving[0]), int(moving[-1])
         return sp.sympify(matrix[i, j] / (way[i] * way[j]))
-
-    def _loss(self) -> sp.Matrix:
-        """Return the matrix of the linear losses at rest."""
-        return self._at_rest(sp.hessian(self.equations.dissipation, self._moving[1]))
 
     def _is_sprung(self, place: str) -> bool:
         """Return whether a linear spring acts across a place, not gravity or another law."""

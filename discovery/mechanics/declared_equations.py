@@ -70,17 +70,13 @@ def read_equations(declaration: SystemDeclaration) -> Equations:
         formula("potential", declaration.potential, 0, "J")[0],
         dissipation=formula("dissipation", declaration.dissipation, 1, "W")[0],
         forces=tuple(
-            formula(f"forces.{name}", declaration.forces.get(name, "0"), 1, f"J / {_plain(unit)}")[0]
+            formula(f"forces.{name}", declaration.forces.get(name, "0"), 1, f"J / {'1' if unit == 'rad' else unit}")[0]
             for name, unit in declaration.coordinates.items()
         ),
         output=output,
         places={name: formula(f"places.{name}", text, 0, None) for name, text in declaration.places.items()},
         output_unit=unit,
     )
-
-
-def _plain(unit: str) -> str:
-    return "1" if unit == "rad" else unit
 
 
 def is_moved_by_input(equations: Equations) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -35,12 +35,6 @@ _CALM = 1.5e-4
 _END_SHARE = 3.0
 #: Rod mass over tip mass at which the fastest mode is made heavier.
 _LIGHT = 0.1
-
-
-@lru_cache(maxsize=64)
-def _derived(arm: Elastica, rod: Rod) -> Mechanics:
-    """Derive the mathematics of an arm once: it is the same with all effects that leave the rod as it is."""
-    return arm.derive(rod)
 
 
 class Elastica(ArmBase):
@@ -114,10 +108,6 @@ class Elastica(ArmBase):
         phi, turn = self.weights @ polynomials(at), [rod.root * float(g) for g in self.root_curvature]
         changes = [[float(phi[k, a]) + turn[k] for a in range(self.nodes)] for k in range(self.n_coordinates)]
         return changes, [rod.rest_at(float(a)) for a in at]
-
-    def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
-        """Return the mathematics."""
-        return _derived(self, rod)
 
     def derive(self, rod: Rod) -> Mechanics:
         """Return the mathematics, derived anew."""

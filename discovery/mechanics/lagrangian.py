@@ -15,7 +15,8 @@ from discovery.mechanics.rod_shapes import quadrature
 _PLACES = 4
 
 
-def _total_derivative(expression: sp.Expr, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> sp.Expr:
+def total_derivative(expression: sp.Expr, q: Sequence[sp.Symbol], qd: Sequence[sp.Symbol]) -> sp.Expr:
+    """Return the derivative in time at zero accelerations of the coordinates, the motor's or a base's included."""
     pairs = [*zip(q, qd, strict=True), (s.theta_m, s.omega_m), (s.omega_m, s.alpha_m)]
     return sp.Add(*[sp.diff(expression, a) * b for a, b in pairs])
 
@@ -68,18 +69,17 @@ def lagrangian_mechanics(
     """
     mass = sp.diff(kinetic, qd, 2)
     momentum = sp.diff(kinetic, qd)
-    pairs = [(q, qd), (s.theta_m, s.omega_m), (s.omega_m, s.alpha_m)]
-    bias = sp.Add(*[sp.diff(momentum, a) * b for a, b in pairs]) - sp.diff(kinetic, q)
+    bias = total_derivative(momentum, [q], [qd]) - sp.diff(kinetic, q)
     channels = _moving(q, qd, theta=theta, delta=delta, tip=tip, slope=slope)
     channels[s.v2] = Channel(speed2, (sp.diff(speed2, qd),))
-    bending = Channel(_total_derivative(bend, [q], [qd]), (sp.diff(bend, q),))
+    bending = Channel(total_derivative(bend, [q], [qd]), (sp.diff(bend, q),))
     channels[s.w2] = Channel(bending.value**2, (2 * bending.value * bending.jacobian[0],))
     channels[s.U] = Channel(elastic, (sp.diff(elastic, q),))
     channels[s.U_4] = Channel(quartic, (sp.diff(quartic, q),))
     channels[s.rho] = Channel(radius, (sp.Integer(0),))
     # A turn of the whole arm changes q and theta_m alike.
     turning = momentum + sp.diff(kinetic, s.omega_m)
-    channels[s.h] = Channel(turning, (sp.diff(turning, qd),), _total_derivative(turning, [q], [qd]))
+    channels[s.h] = Channel(turning, (sp.diff(turning, qd),), total_derivative(turning, [q], [qd]))
     only = (bend, bending.value, bending.jacobian)
     return Mechanics(
         (q,),
@@ -106,9 +106,9 @@ def _moving(
         (s.slope, s.slope_dot, slope),
     ):
         jacobian = sp.diff(expression, q)
-        rate = _total_derivative(expression, [q], [qd])
+        rate = total_derivative(expression, [q], [qd])
         channels[symbol] = Channel(expression, (jacobian,))
-        channels[rate_symbol] = Channel(rate, (jacobian,), _total_derivative(rate, [q], [qd]))
+        channels[rate_symbol] = Channel(rate, (jacobian,), total_derivative(rate, [q], [qd]))
     channels[s.x_g], channels[s.y_g] = channels[s.x], channels[s.y]
     return channels
 

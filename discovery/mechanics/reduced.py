@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.parameters import Normal, Parameter
-from discovery.mechanics.base import (
-    RADIUS_LAWS,
-    ROOT_JOINTS,
-    SHORTENING_RADIUS,
-    ArmBase,
-    Mechanics,
-)
+from discovery.mechanics.base import RADIUS_LAWS, ROOT_JOINTS, SHORTENING_RADIUS, ArmBase, Mechanics
 from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT, Rod
 
@@ -31,12 +23,6 @@ def rod_coupling(mu: sp.Expr) -> sp.Expr:
 def rod_inertia(mu: sp.Expr) -> sp.Expr:
     """Return C = 8 mu / (3 (140 + 33 mu)), the inertia of the rod's turn with the hub while its tip rests."""
     return 8 * mu / (3 * (140 + 33 * mu))
-
-
-@lru_cache(maxsize=64)
-def _derived(arm: Reduced, rod: Rod) -> Mechanics:
-    """Derive the mathematics of an arm once: it is the same with all effects that leave the rod as it is."""
-    return arm.derive(rod)
 
 
 class Reduced(ArmBase):
@@ -57,26 +43,18 @@ class Reduced(ArmBase):
 
     mu = Parameter("1", "rod mass over tip mass", (0.0, 2.0), Normal(0.2, 0.2), fixed=True, latex=r"\mu")
 
-    def _bending(self, rod: Rod) -> sp.Expr:
-        """Return the part of the deflection that the rod itself bends."""
-        return (_THETA - s.theta_m - rod.deflection) / (1 + 3 * rod.root)
-
     def _radius(self, rod: Rod) -> sp.Expr:
         """Return rho/l."""
         form = rod.third_order
         curved = form.shortening - STRAIGHT.third_order.shortening
-        return (sp.cos(_GAMMA * form.bend) - curved).subs(form.bend, self._bending(rod))
-
-    def mechanics(self, rod: Rod = STRAIGHT) -> Mechanics:
-        """Return the mathematics."""
-        return _derived(self, rod)
+        return (sp.cos(_GAMMA * form.bend) - curved).subs(form.bend, rod.bent(_THETA - s.theta_m))
 
     def derive(self, rod: Rod) -> Mechanics:
         """Return the mathematics, derived anew."""
         delta, delta_dot = _THETA - s.theta_m, _OMEGA - s.omega_m
         rho = self._radius(rod)
         slope = sp.diff(rho, _THETA)
-        form, bend = rod.third_order, self._bending(rod)
+        form, bend = rod.third_order, rod.bent(delta)
         elastic = (1 + 3 * rod.root) * form.bend**2 / 2 - sp.expand(form.bend * form.ahead)
         # Slope of the static shape at its end and curvature at its root (`docs/MECHANICS.md`).
         end = sp.Rational(3, 2) * bend - sp.Rational(11, 560) * bend**3

@@ -54,6 +54,10 @@ class Rod:
         """Return the rest angle at an arc length."""
         return self.rest.subs(arc, place)
 
+    def bent(self, deflection: sp.Expr) -> sp.Expr:
+        """Return the part of a deflection that the rod itself bends."""
+        return (deflection - self.deflection) / (1 + 3 * self.root)
+
     @property
     def deflection(self) -> sp.Expr:
         """Deflection of the unloaded arm [rad]: the mean of its slope, exact for a uniform curvature."""

@@ -10,22 +10,7 @@ from typing import Literal
 from discovery.declarations.system import SystemDeclaration
 from discovery.declarations.units import si_symbol
 from discovery.mechanics.systems import declare
-from discovery.rigs.kinds import KINDS, LINEAR_MODEL, PAPER_MODEL, Kind
-
-__all__ = [
-    "ARM_COLUMNS",
-    "LINEAR_MODEL",
-    "PAPER_MODEL",
-    "Columns",
-    "Controller",
-    "ForceView",
-    "InputColumn",
-    "OutputColumn",
-    "Quantity",
-    "RecordPart",
-    "Rig",
-    "TimeColumn",
-]
+from discovery.rigs.kinds import KINDS, PAPER_MODEL, Kind
 
 
 @dataclass(frozen=True)

@@ -126,12 +126,6 @@ def _validated(file: RigText, rest: dict[str, Any]) -> RigTable:
         raise InputError(explain(file, error)) from error
 
 
-def _columns(file: RigText, table: RigTable, system: SystemDeclaration | None, keys: Mapping[str, str]) -> Columns:
-    columns = columns_of(file, table) if system is None else read_columns(file, table, system)
-    check_signals(file, table, columns, keys)
-    return columns
-
-
 def _check_effects(file: RigText, table: RigTable, base: str) -> None:
     named = table.model.effects if table.model else []
     where = f"{file.at('model', 'effects')}, key 'model.effects':"
@@ -271,8 +265,9 @@ def check_kind(file: RigText, table: RigTable, keys: Mapping[str, str]) -> None:
         )
 
 
-def check_signals(file: RigText, table: RigTable, columns: Columns, keys: Mapping[str, str]) -> None:
-    """Refuse quantities that do not go with what the columns read."""
+def _columns(file: RigText, table: RigTable, system: SystemDeclaration | None, keys: Mapping[str, str]) -> Columns:
+    """Return the columns; refuse quantities that do not go with what they read."""
+    columns = columns_of(file, table) if system is None else read_columns(file, table, system)
     _check_inertia(file, columns.output.unit, keys)
     moved = None if KINDS[table.kind].has_rod or columns.input is None else columns.input.unit
     if moved is not None and "angle_noise" in keys and known_dimension(si_symbol(moved)) != {}:
@@ -280,6 +275,7 @@ def check_signals(file: RigText, table: RigTable, columns: Columns, keys: Mappin
             f"{file.at(keys['angle_noise'])}: the key {keys['angle_noise']!r} is "
             f"the error of an angle, and the input is in {moved!r}. Remove it: the error of the input is estimated."
         )
+    return columns
 
 
 def _check_inertia(file: RigText, output: str, keys: Mapping[str, str]) -> None:

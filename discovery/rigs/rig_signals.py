@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from discovery.declarations.units import dimension, is_force, known_dimension, mistaken_for, si_factor, si_symbol
 from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
@@ -97,13 +95,12 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
             f"{file.at('columns', 'time')}: the time needs either a rate, "
             'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }; only a rate can be assumed.'
         )
-    factor = _factors(file)
-    second = factor("time", time.unit, "s")
+    second = _factor(file, "time", time.unit, "s")
     wanted = f"{kind.unit}/s^2" if kind.unit and columns.output.reads == "acceleration" else kind.unit
-    scale = factor("output", columns.output.unit, None if table.view else wanted)
+    scale = _factor(file, "output", columns.output.unit, None if table.view else wanted)
     _check_read(file, table, columns)
     if columns.input is not None:
-        factor("input", columns.input.unit, None)
+        _factor(file, "input", columns.input.unit)
     _check_header(file, columns)
     noise = None if columns.output.noise == "estimate" else columns.output.noise
     given = columns.input.model_dump() if columns.input else {}
@@ -171,8 +168,7 @@ def controller_of(file: RigText, table: RigTable) -> Controller | None:
     given, columns = table.controller, table.columns
     if given is None or columns is None or columns.input is None:
         return None
-    factor = _factors(file)
-    factor("input", columns.input.unit, columns.output.unit)
+    _factor(file, "input", columns.input.unit, columns.output.unit)
     try:
         unit = si_factor(given.unit)
     except InputError as error:
@@ -219,11 +215,8 @@ def _refuse_swapped(file: RigText, columns: ColumnsTable | None) -> None:
             )
 
 
-def _factors(file: RigText) -> Callable[[str, str, str | None], float]:
-    def factor(column: str, unit: str, expected: str | None) -> float:
-        try:
-            return si_factor(unit, expected)
-        except InputError as error:
-            raise InputError(f"{file.at('columns', column, 'unit')}, column {column!r}: {error}") from error
-
-    return factor
+def _factor(file: RigText, column: str, unit: str, expected: str | None = None) -> float:
+    try:
+        return si_factor(unit, expected)
+    except InputError as error:
+        raise InputError(f"{file.at('columns', column, 'unit')}, column {column!r}: {error}") from error

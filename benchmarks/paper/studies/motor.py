@@ -17,7 +17,7 @@ from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR, PositionCont
 from benchmarks.paper.theory.drivetrain.study import encoder_as_input
 from benchmarks.paper.theory.massless_arm.simulation import simulate_general
 from discovery.equations.model import Model
-from discovery.rigs.rig import PAPER_MODEL
+from discovery.rigs.kinds import PAPER_MODEL
 from discovery.theory.arm_motion import move_arm
 from discovery.theory.coupling import Arm
 

@@ -32,7 +32,8 @@ from discovery.foundation.errors import InputError
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording
-from discovery.rigs.rig import PAPER_MODEL, Quantity, Rig
+from discovery.rigs.kinds import PAPER_MODEL
+from discovery.rigs.rig import Quantity, Rig
 from discovery.theory.arm_motion import move_arm
 from discovery.theory.coupling import Arm
 
