@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from discovery.foundation.arrays import FloatArray
 
@@ -55,7 +56,7 @@ def centre_of(time: FloatArray, output: FloatArray, noise: float = 0.0) -> Centr
     (30.0, 30.0)
     """
     good = np.flatnonzero(np.isfinite(output))
-    y = np.median(output[good][_neighbours(good.size)], axis=0)
+    y = median_filter(output[good], 3, mode="nearest")
     t = np.cumsum(np.maximum(np.diff(time[good], prepend=time[good[0]]), 0.0))
     low, high = np.quantile(y, _INSIDE)
     band = max(_SHARE * (high - low) / 2.0, _NOISES * noise)
@@ -78,11 +79,6 @@ def centre_of(time: FloatArray, output: FloatArray, noise: float = 0.0) -> Centr
         # A body at rest may stick anywhere among these.
         return Centre(float(np.median(end)), max(float(np.ptp(end)) / 6.0, noise))
     return Centre(starts[1], _ROUGH * float(high - low))
-
-
-def _neighbours(size: int) -> NDArray[np.intp]:
-    """Return for each reading those before, at and after it, shape (3, size)."""
-    return np.clip(np.arange(size) + np.array([[-1], [0], [1]]), 0, size - 1)
 
 
 def _passages(y: FloatArray, level: float, band: float) -> NDArray[np.intp]:

@@ -63,7 +63,8 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     y = np.interp(grid, time[good], output[good] - np.mean(output[good]))
     side = y > np.median(y)
     passages = int(np.count_nonzero(side[1:] != side[:-1]))
-    half = _half_window(y.size, passages)
+    # Half a window is half the time between every other passage through the middle.
+    half = max(2, min(max(_SHORTEST, y.size // max(1, passages)), (y.size - 1) // 6))
     s = np.linspace(-1.0, 1.0, 2 * half + 1)
     weight = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** 4
     # Integrals over a window of y'', -y', 1, t, u and -y.
@@ -79,11 +80,6 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
         return None
     period = float(2.0 * np.pi / np.sqrt(-weights[-1]))
     return period if _PERIODS * period < grid[-1] - grid[0] else None
-
-
-def _half_window(size: int, passages: int) -> int:
-    """Return the samples of half a window: half the time between every other passage through the middle."""
-    return max(2, min(max(_SHORTEST, size // max(1, passages)), (size - 1) // 6))
 
 
 def _windows(values: FloatArray, weight: FloatArray, half: int) -> FloatArray:

@@ -150,15 +150,11 @@ def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str
 
 def _base(dataset: Dataset, name: str) -> str:
     """Say that the output counts from the base, and what its recordings tell of that."""
-    told = {_told(e) for e in dataset.train} - {None}
+    inputs = ((e.recording, e.recording.input, e.deflection) for e in dataset.train)
+    told = {is_relative(r.time, read, given) for r, given, read in inputs if given is not None} - {None}
     relative = told.pop() if len(told) == 1 else None
     where = "docs/YOUR_RECORDING.md, section 7, has the table [system] for one against the floor"
     return f"output: read as relative to the base, {name!r}; {where}. {LOOKS[relative]}"
-
-
-def _told(experiment: Experiment) -> bool | None:
-    r = experiment.recording
-    return None if r.input is None else is_relative(r.time, experiment.deflection, r.input)
 
 
 def _size(found: Mapping[str, Any]) -> str:

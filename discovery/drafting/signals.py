@@ -141,7 +141,8 @@ def _in_file(path: Path, rate: float | None, wanted: Mapping[str, str]) -> Signa
     meanings = {name: meaning_of(name) for name in columns}
     time = None if rate is not None and "time" not in wanted else _time(path, columns, meanings, wanted.get("time"))
     # Neither a second column of times nor one that never changes is a signal, unless the user says so.
-    rest = [n for n in columns if n != time and (n in wanted.values() or _varies(n, columns, meanings))]
+    varying = {n for n, values in columns.items() if meanings[n].role != "time" and _changes(values)}
+    rest = [n for n in columns if n != time and n in varying | set(wanted.values())]
     given = wanted.get("input") or _input(rest, meanings, wanted.get("output"))
     output = wanted.get("output") or _output(path, [n for n in rest if n != given], meanings)
     if output is None and len(rest) == 1 and given is not None and "input" not in wanted:
@@ -175,10 +176,6 @@ def _joined(signal: Signal, time: FloatArray, *, moved: bool = True) -> Signal:
         return signal
     joined, told = joined_turns(signal.si, time)
     return replace(signal, values=joined / si_factor(signal.unit)) if told else signal
-
-
-def _varies(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> bool:
-    return meanings[name].role != "time" and _changes(columns[name])
 
 
 def _changes(values: FloatArray) -> bool:

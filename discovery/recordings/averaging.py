@@ -39,7 +39,9 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
     steady rate stays as it is; a held input and an output that passes filters ask for every reading.
     """
     held = rig.columns.input is not None and rig.columns.input.interpolation == "hold"
-    least, count = _least(recording), recording.time.size
+    alike, count = float(np.max(_together(recording))), recording.time.size
+    # The smallest length of which averages err independently.
+    least = int(np.ceil(_APART * alike)) if alike > 1.0 else 2
     most = count // _KEPT if least == 2 else max(count // _KEPT, least)
     steady = rig.view is None and not held and not gaps(recording.time).any()
     length = _longest(recording, least, most) if steady and count // least >= _FEWEST else 1
@@ -47,7 +49,7 @@ def averaged_down(recording: Recording, rig: Rig) -> Recording:
         return averaged(recording, length)
     if least == 2:
         return recording
-    kept = Flag("alike_kept", numbers={"alike": float(np.max(_together(recording))), "least": least})
+    kept = Flag("alike_kept", numbers={"alike": alike, "least": least})
     return replace(recording, flags=(*recording.flags, kept))
 
 
@@ -79,12 +81,6 @@ def averaged(recording: Recording, length: int) -> Recording:
 def _first(length: int) -> int:
     """Return the first reading of averages of which the first is one step after the start, or half a reading less."""
     return length - length // 2
-
-
-def _least(recording: Recording) -> int:
-    """Return the smallest length of which averages err independently."""
-    alike = float(np.max(_together(recording)))
-    return int(np.ceil(_APART * alike)) if alike > 1.0 else 2
 
 
 def _longest(recording: Recording, least: int, most: int) -> int:

@@ -51,10 +51,7 @@ class Experiment:
     def first(self, count: int) -> Experiment:
         """Return the experiment of the first so many samples, at least one, all of them fitted."""
         check_whole(count, "count", 1)
-        r = self.recording
-        inputs = None if r.input is None else r.input[:count]
-        part = replace(r, time=r.time[:count], output=r.output[:count], input=inputs)
-        return replace(self, recording=part, fitted_samples=None)
+        return replace(self, recording=self.recording.part(slice(count)), fitted_samples=None)
 
     @property
     def fitted_part(self) -> Experiment:

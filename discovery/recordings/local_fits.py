@@ -31,7 +31,8 @@ def misses(values: FloatArray, degree: int, readings: int) -> FloatArray:
 @lru_cache
 def miss_weights(degree: int, readings: int) -> FloatArray:
     """Return the weights of readings in the miss of the one in their middle, (readings,); their squares sum to one."""
-    basis = _basis(degree, readings)
+    # Orthonormal polynomials at equally spaced readings, (readings, degree + 1).
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, readings), degree))[0]
     weights = -basis[readings // 2] @ basis.T
     weights[readings // 2] += 1.0
     return np.asarray(weights / np.linalg.norm(weights))
@@ -49,9 +50,3 @@ def slopes(values: FloatArray, step: float) -> FloatArray:
     found = np.full(values.shape, np.nan)
     found[readings // 2 : values.size - readings // 2] = np.convolve(values, weights[::-1], "valid") / step
     return found
-
-
-def _basis(degree: int, readings: int) -> FloatArray:
-    """Return orthonormal polynomials up to a degree at equally spaced readings, (readings, degree + 1)."""
-    powers = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, readings), degree)
-    return np.asarray(np.linalg.qr(powers)[0])

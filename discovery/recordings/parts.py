@@ -66,14 +66,9 @@ def thirds_apart(recordings: Sequence[Recording]) -> tuple[list[Recording], list
             return list(recordings), []
         count, size = fitted_count(r), r.time.size
         flag = Flag("third_apart", numbers={"fitted": count, "held": size - count, "count": size})
-        train.append(replace(_rows(r, slice(count)), flags=(*r.flags, flag)))
-        rest.append(replace(_rows(r, slice(count, None)), name=f"{r.name}_last_third", flags=()))
+        train.append(replace(r.part(slice(count)), flags=(*r.flags, flag)))
+        rest.append(replace(r.part(slice(count, None)), name=f"{r.name}_last_third", flags=()))
     return train, rest
-
-
-def _rows(r: Recording, part: slice) -> Recording:
-    inputs = None if r.input is None else r.input[part]
-    return replace(r, time=r.time[part], output=r.output[part], input=inputs)
 
 
 def motion_end(recording: Recording, moves: Callable[[int], float], rests: float, *, pushed: bool = True) -> int:
@@ -152,8 +147,7 @@ def moving_part(recording: Recording) -> Recording:
         return recording
     last, end = recording.time[[kept - 1, -1]].tolist()
     flag = Flag("at_rest", numbers={"count": recording.time.size, "kept": kept, "last": last, "end": end})
-    output = recording.output[:kept]
-    return replace(recording, time=recording.time[:kept], output=output, flags=(*recording.flags, flag))
+    return replace(recording.part(slice(kept)), flags=(*recording.flags, flag))
 
 
 def searched_part(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -117,6 +117,11 @@ class Recording(RecordingViews):
     def steps(self) -> FloatArray:
         """Step to which each channel is rounded, shape (c,), in its unit; 0 where it is not."""
         return np.array([quantum(column, self.time) for column in self.output.T])
+
+    def part(self, rows: slice) -> Recording:
+        """Return the recording of some of its readings, in a row."""
+        inputs = None if self.input is None else self.input[rows]
+        return replace(self, time=self.time[rows], output=self.output[rows], input=inputs)
 
     @property
     def notes(self) -> tuple[str, ...]:

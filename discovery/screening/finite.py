@@ -25,6 +25,8 @@ from discovery.simulation.kernel.compile import numpy_derivative
 
 #: A start of a refit: effect, its free values, and values of other free parameters that go with them.
 FarStart = tuple[str, FloatArray, Mapping[str, float]]
+#: Finite values of an effect.
+_Grid = Sequence[Mapping[str, float]]
 #: An effect with values on its grid.
 _Point = tuple[str, Mapping[str, float]]
 #: Kinds that carry or return energy, and so move the frequency.
@@ -60,9 +62,7 @@ def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> l
     return [*_beside_stiffness(minimum, problem, few), *starts_along(minimum, problem, many)]
 
 
-def _beside_stiffness(
-    minimum: Minimum, problem: Problem, grids: Mapping[str, Sequence[Mapping[str, float]]]
-) -> list[FarStart]:
+def _beside_stiffness(minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid]) -> list[FarStart]:
     """Return the best sizes of effects, each with the stiffness that goes with it."""
     if "alpha" not in problem.free:
         return []
@@ -110,9 +110,7 @@ def _vector(name: str, values: Mapping[str, float], system: str) -> FloatArray:
     return np.array([values[p.name] for p in get_effect(name).fitted(system)])
 
 
-def starts_along(
-    minimum: Minimum, problem: Problem, grids: Mapping[str, Sequence[Mapping[str, float]]]
-) -> list[tuple[str, FloatArray, Mapping[str, float]]]:
+def starts_along(minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid]) -> list[FarStart]:
     """Return starts of refits at the shapes that explain best which force the recorded motion lacks.
 
     The teeth of a motor hold on to its rotor and let it go. The motion of a model without them is soon at another
@@ -124,7 +122,7 @@ def starts_along(
     order = _read(problem) if grids else None
     if order is None:
         return []
-    found: list[tuple[str, FloatArray, Mapping[str, float]]] = []
+    found: list[FarStart] = []
     for (name, grid), window in product(grids.items(), _WINDOWS):
         lack = _Lack(problem, name, order, window)
         if not lack.motions:
@@ -172,7 +170,7 @@ class _Lack:
             found.append(acceleration - savgol_filter(np.array(forces), self.window, 3))
         return np.concatenate(found, axis=1).T
 
-    def best(self, fitted: Mapping[str, float], grid: Sequence[Mapping[str, float]]) -> Iterator[dict[str, float]]:
+    def best(self, fitted: Mapping[str, float], grid: _Grid) -> Iterator[dict[str, float]]:
         """Yield all fitted values at the shapes that explain most, improved."""
         names = self.extended.names
         own = self.extended.model.parameters

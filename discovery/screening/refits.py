@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import SLOW, Race, fit_problems, near_the_best, together
-from discovery.estimation.least_squares import Minimum, levenberg_marquardt
+from discovery.estimation.least_squares import Minimum, Request, levenberg_marquardt
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.screening.attribution import Candidate, Start
@@ -139,18 +139,7 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
             for i, name in enumerate(extended.names):
                 x[i] = np.clip(others.get(name, x[i]), lower[i], upper[i])
         problems.append(extended)
-        requests.append(
-            levenberg_marquardt(
-                x,
-                lower,
-                upper,
-                extended.scale,
-                iterations=_FIRST_ROUND,
-                tolerance=1e-3,
-                jacobian=jacobian,
-                is_behind=race.enter(effects),
-            )
-        )
+        requests.append(_quick(extended, x, jacobian, _FIRST_ROUND, race.enter(effects)))
     quick = together(problems, requests)
     minima = list(quick)
     # Only those go on that are still in the race.
@@ -158,16 +147,7 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
     going = [i for i in ahead if not minima[i].converged and np.isfinite(minima[i].cost)]
     race = Race(n_data, SLOW)
     further = [
-        levenberg_marquardt(
-            minima[i].x,
-            *problems[i].bounds,
-            problems[i].scale,
-            iterations=_SECOND_ROUND,
-            tolerance=1e-3,
-            jacobian=minima[i].jacobian,
-            is_behind=race.enter(labels[i]),
-        )
-        for i in going
+        _quick(problems[i], minima[i].x, minima[i].jacobian, _SECOND_ROUND, race.enter(labels[i])) for i in going
     ]
     second = together([problems[i] for i in going], further)
     for i, found in zip(going, second, strict=True):
@@ -195,6 +175,16 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
     blown = {labels[i] for i, m in tried if m.blown}
     return best_of(
         Refit(each[-1], p, replace(m, blown=each in blown)) for each, p, m in zip(labels, problems, minima, strict=True)
+    )
+
+
+def _quick(
+    problem: Problem, x: FloatArray, jacobian: FloatArray, iterations: int, is_behind: Callable[[float, int], bool]
+) -> Request:
+    """Return a search that carries its Jacobian along."""
+    lower, upper = problem.bounds
+    return levenberg_marquardt(
+        x, lower, upper, problem.scale, iterations=iterations, tolerance=1e-3, jacobian=jacobian, is_behind=is_behind
     )
 
 
