@@ -11,8 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_cli import call
 
-from discovery.drafting.centre import centre_of
-from discovery.drafting.law_of_motion import is_relative, own_period
+from discovery.drafting.law_of_motion import centre_of, is_relative, own_period
 from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
 from discovery.drafting.rig_text import draft

@@ -141,25 +141,13 @@ class Derivation:
         n, nodes, phi, qd = self.n, self.nodes, self.phi, self.qd
         sine, cosine = self.sine, self.cosine
         ends = [sp.Float(float(w)) for w in self.weights]
-        tip = self._total("tip_x", ends, cosine), self._total("tip_y", ends, sine)
+        tip_x, tip_y = self._total("tip_x", ends, cosine), self._total("tip_y", ends, sine)
         jx = [self._total(f"px_{k}", ends, [-phi[k][b] * sine[b] for b in range(nodes)]) for k in range(n)]
         jy = [self._total(f"py_{k}", ends, [phi[k][b] * cosine[b] for b in range(nodes)]) for k in range(n)]
         ax = self._total("ax", ends, [-s.alpha_m * sine[b] - square[b] * cosine[b] for b in range(nodes)])
         ay = self._total("ay", ends, [s.alpha_m * cosine[b] - square[b] * sine[b] for b in range(nodes)])
-        vx = self._name("hub_vx", -s.omega_m * tip[1] + sum(jx[k] * qd[k] for k in range(n)))
-        vy = self._name("hub_vy", s.omega_m * tip[0] + sum(jy[k] * qd[k] for k in range(n)))
-        return self._channels(tip, (vx, vy), (ax, ay), jx, jy)
-
-    def _channels(
-        self,
-        tip: tuple[sp.Expr, sp.Expr],
-        speed: tuple[sp.Expr, sp.Expr],
-        bias: tuple[sp.Expr, sp.Expr],
-        jx: Sequence[sp.Expr],
-        jy: Sequence[sp.Expr],
-    ) -> dict[sp.Symbol, Channel]:
-        n, qd = self.n, self.qd
-        (tip_x, tip_y), (vx, vy), (ax, ay) = tip, speed, bias
+        vx = self._name("hub_vx", -s.omega_m * tip_y + sum(jx[k] * qd[k] for k in range(n)))
+        vy = self._name("hub_vy", s.omega_m * tip_x + sum(jy[k] * qd[k] for k in range(n)))
         c, sn = sp.cos(s.theta_m), sp.sin(s.theta_m)
         radius2 = tip_x**2 + tip_y**2
         deflection = sp.atan2(tip_y, tip_x)

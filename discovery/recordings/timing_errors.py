@@ -40,15 +40,6 @@ class _Variance:
         return self.still + self.timing * speed
 
 
-@dataclass(frozen=True)
-class _Law:
-    """The variance that one kind of local fit shows, and whether its misses are as errors of timing make them."""
-
-    variance: _Variance
-    rms: float  # of the misses
-    timely: bool
-
-
 def timing_error(time: FloatArray, channel: FloatArray, least: float) -> TimingError | None:
     """Find errors in the times of readings (n,) at steady stamps (n,) [s]; None where there are none.
 
@@ -61,19 +52,19 @@ def timing_error(time: FloatArray, channel: FloatArray, least: float) -> TimingE
     """
     if np.isfinite(channel).sum() < _FEWEST:
         return None
-    laws: list[_Law] = []
+    laws: list[tuple[_Variance, float]] = []
     for missed, speed in _missed(time, channel):
         law = _law(missed, speed, least)
-        if law is None or not law.timely:
+        if law is None:
             return None
         laws.append(law)
-    sizes = [law.variance.timing for law in laws]
+    sizes = [law.timing for law, _ in laws]
     if max(sizes) > _ALIKE**2 * min(sizes):
         return None
     # That which holds least of the motion, and amplifies least what alternates.
-    best = min(laws, key=lambda law: law.rms)
-    still = float(np.median([max(law.variance.still, law.variance.still_sd) for law in laws]))
-    return TimingError(float(np.sqrt(best.variance.timing)), float(np.sqrt(max(still, least**2))))
+    best, _ = min(laws, key=lambda law: law[1])
+    still = float(np.median([max(law.still, law.still_sd) for law, _ in laws]))
+    return TimingError(float(np.sqrt(best.timing)), float(np.sqrt(max(still, least**2))))
 
 
 def excess_scatter(time: FloatArray, channel: FloatArray, noise: float, jitter: float) -> float:
@@ -103,8 +94,11 @@ def _missed(time: FloatArray, channel: FloatArray) -> Iterator[tuple[FloatArray,
         yield missed[good], speed[good]
 
 
-def _law(missed: FloatArray, speed: FloatArray, least: float) -> _Law | None:
-    """Return what misses say of noise and timing; None where they are few, most are none, or the speed is one."""
+def _law(missed: FloatArray, speed: FloatArray, least: float) -> tuple[_Variance, float] | None:
+    """Return what misses say of noise and timing, and their rms; None where they are not as errors of timing make them.
+
+    They are not, either, where they are few, most are none, or the speed is one.
+    """
     spread = _spread(missed) if missed.size >= _FEWEST // 2 else 0.0
     if spread == 0.0 or not np.ptp(speed) > _TINY * np.median(speed) > 0.0:
         return None
@@ -120,7 +114,7 @@ def _law(missed: FloatArray, speed: FloatArray, least: float) -> _Law | None:
         # A clock that was late a few times says nothing of all other readings.
         and sizes[-1] < _ALIKE * _spread(thirds[-1])
     )
-    return _Law(found, float(np.sqrt(np.minimum(missed**2, (FAR * spread) ** 2).mean())), bool(timely))
+    return (found, float(np.sqrt(np.minimum(missed**2, (FAR * spread) ** 2).mean()))) if timely else None
 
 
 def _fitted(missed: FloatArray, speed: FloatArray, floor: float) -> _Variance:

@@ -52,20 +52,15 @@ def reduced(fitted: Refit, effect: str) -> list[Refit]:
 
     `fitted`: with the larger law. `effect`: the larger law.
     """
-    laws = sorted(get_effect(effect).reduces_to - {*fitted.problem.model.effects})
-    return [_with(fitted, effect, law) for law in laws]
-
-
-def _with(fitted: Refit, effect: str, simpler: str) -> Refit:
-    """Return the refit with one of them."""
-    larger, smaller, problem = get_effect(effect), get_effect(simpler), fitted.problem
-    values = fitted.values
-    model = problem.model.without([effect]).with_effect(simpler)
-    gaussian = {n: known for n, known in problem.gaussian.items() if n in model.parameters}
-    own = Problem(model, problem.bench, problem.units, gaussian)
-    start = {**values, **_alike_values(larger, smaller, values)}
-    (minimum,) = fit_problems([own], [own.start(start)], tolerance=1e-6, rough=True)
-    return Refit(simpler, own, minimum)
+    larger, problem, values, found = get_effect(effect), fitted.problem, fitted.values, []
+    for law in sorted(larger.reduces_to - {*problem.model.effects}):
+        model = problem.model.without([effect]).with_effect(law)
+        gaussian = {n: known for n, known in problem.gaussian.items() if n in model.parameters}
+        own = Problem(model, problem.bench, problem.units, gaussian)
+        start = {**values, **_alike_values(larger, get_effect(law), values)}
+        (minimum,) = fit_problems([own], [own.start(start)], tolerance=1e-6, rough=True)
+        found.append(Refit(law, own, minimum))
+    return found
 
 
 def _alike_values(larger: Effect, smaller: Effect, values: Mapping[str, float]) -> dict[str, float]:

@@ -73,12 +73,9 @@ def _unresolved(refits: Mapping[str, Refit | None], bench: Bench, least: float) 
     known = {e: r for e, r in refits.items() if r is not None}
     errors = solver_errors([(r.problem, r.minimum.x) for r in known.values()], bench)
     erring = {e for (e, r), error in zip(known.items(), errors, strict=True) if error > _worth(r, least)}
-    blown = [e for e, r in refits.items() if r is None or (r.minimum.blown and _leaves_much(r))]
+    much = {e for e, r in known.items() if r.chi2 > (1 + _MUCH) * r.problem.bench.n_data}
+    blown = [e for e, r in refits.items() if r is None or (r.minimum.blown and e in much)]
     return [e for e in refits if e in erring or e in blown], blown
-
-
-def _leaves_much(refit: Refit) -> bool:
-    return refit.chi2 > (1 + _MUCH) * refit.problem.bench.n_data
 
 
 def _again(

@@ -45,8 +45,6 @@ class Grid:
 @cache
 def _shapes_of(effect: Effect, system: str, amplitude: str) -> tuple[str, ...]:
     """Return the shapes that enter an effect where its other amplitudes are zero."""
-    import sympy as sp
-
     fitted = effect.fitted(system)
     shapes = tuple(p.name for p in fitted if p.shape)
     law: tuple = ()

@@ -62,12 +62,7 @@ def backbone(time: FloatArray, deflection: FloatArray, period: float, start: flo
     swing = np.abs(np.diff(extreme)) / 2
     # Swing k lies between extremes k and k+1; two swings later is one period later.
     span = when[2:] - when[:-2]
-    centre = (swing[1:] + swing[:-1]) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
         decay = 2 * np.log(swing[:-2] / swing[2:]) / (when[2:-1] - when[:-3])
     n = decay.size
-    return (
-        Backbone(swing[1 : n + 1], 1.0 / ((span[:n] + span[1 : n + 1]) / 2), decay)
-        if n
-        else Backbone(centre, 1 / span, np.full(span.size, np.nan))
-    )
+    return Backbone(swing[1 : n + 1], 1.0 / ((span[:n] + span[1 : n + 1]) / 2), decay)
