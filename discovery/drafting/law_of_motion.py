@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -121,18 +120,13 @@ def rates_of(
     """
     good = telling_part(output)
     t, y = time[good] - time[good[0]], output[good]
-    integral = integral_over(t)
+    integral = partial(cumulative_trapezoid, x=t, initial=0)
     u = integral(np.zeros_like(t) if given is None else given[good])
     columns = [integral(y), u if speed else integral(u), np.ones_like(t)]
     columns += [] if speed else [t, t**2]
     columns += [integral(integral(y))] if spring else []
     weights = least_squares(np.column_stack(columns), y)[1]
     return float(-weights[0]), float(weights[1])
-
-
-def integral_over(time: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Return a function that integrates values over these times, from zero."""
-    return partial(cumulative_trapezoid, x=time, initial=0)
 
 
 def telling_part(output: FloatArray) -> NDArray[np.intp]:
@@ -190,7 +184,7 @@ def is_relative(time: FloatArray, output: FloatArray, base: FloatArray) -> bool 
 
 def _error(t: FloatArray, z: FloatArray, u: FloatArray) -> float:
     """Return the squared error of the law; infinite where its spring would push."""
-    integral, scale = integral_over(t), float(t[-1])
+    integral, scale = partial(cumulative_trapezoid, x=t, initial=0), float(t[-1])
     once = integral(z)
     twice = integral(once)
     columns = [np.ones_like(t), t / scale, (t / scale) ** 2, once, twice]

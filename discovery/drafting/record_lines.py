@@ -54,11 +54,8 @@ def trial_rows(found: Signals) -> list[str]:
     """Return how the rows of each trial of a file are picked."""
     column, values = _trials(open_table(found.path)[0], found.seconds, found.unused)
     said = (quoted_text(value) if isinstance(value, str) else f"{value:.12g}" for value in values)
-    return [f", where = {{ {_key(column)} = {value} }}" for value in said]
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted_text(name)
+    key = column if re.fullmatch(r"[A-Za-z0-9_-]+", column) else quoted_text(column)
+    return [f", where = {{ {key} = {value} }}" for value in said]
 
 
 def _trials(table: Table, time: FloatArray, names: Sequence[str]) -> tuple[str, list[str | float]]:

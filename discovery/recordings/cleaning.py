@@ -37,7 +37,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
             bands.append(None)
             continue
         name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
-        flags += gap_flags(name, found.time, found.as_read[channel])
+        flags += gap_flags(name, found.time, found.table.numbers(name))
         if rig.view is None:  # a force of friction is flat by itself
             values, told = without_ends(name, unit, found.time, values)
             flags += told

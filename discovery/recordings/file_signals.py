@@ -33,7 +33,6 @@ class Signals:
     inputs: FloatArray | None
     outputs: dict[str, FloatArray]
     source: str
-    as_read: dict[str, FloatArray]
     added: FloatArray | None = None
     rows: IntArray | None = None  # see `Recording`
 
@@ -71,7 +70,6 @@ class Signals:
             inputs=values.get("motor_angle" if arm else "input"),
             outputs={channel: values[channel] for channel in channels},
             source=str(table.path) + _part(samples, where),
-            as_read={channel: values[channel] for channel in channels},
             added=values.get("added"),
         )
 

@@ -161,7 +161,6 @@ def on_sensors_clock(found: Signals) -> list[Flag]:
             rows = np.flatnonzero(renewed.fresh)
             found.rows = np.append(rows, values.size)
             found.time, found.outputs = renewed.time - renewed.time[0] + found.time[0], {channel: values[rows]}
-            found.as_read = {channel: found.as_read[channel][rows]}
             found.table = found.table.take(list(found.table.columns), rows)
         else:
             found.outputs[channel] = np.where(renewed.fresh, values, np.nan)

@@ -75,13 +75,13 @@ def flat_runs(values: FloatArray, error: float, *, rate: bool = False, driven: b
     stretches: list[tuple[int, int]] = []
     at_limit: dict[float, list[tuple[int, int]]] = {}
     extremes = (float(np.min(finite, initial=np.inf)), float(np.max(finite, initial=-np.inf)))
-    for start, length in zip(starts[1:], lengths[1:], strict=True):  # a record may begin at rest
+    for run in zip(starts[1:].tolist(), lengths[1:].tolist(), strict=True):  # a record may begin at rest
+        start, length = run
         limit = values[start] in extremes
         if length < (_SHORTEST_CLIPPED if limit else _SHORTEST_STUCK):
             continue
-        if not _interrupts(values, int(start), int(length), error, _ABRUPT_CLIPPED if limit else _ABRUPT_STUCK):
+        if not _interrupts(values, *run, error, _ABRUPT_CLIPPED if limit else _ABRUPT_STUCK):
             continue
-        run = (int(start), int(length))
         if rate and abs(values[start]) <= error and not _jumps(values, *run, error):
             continue
         if driven and _rests(values, *run, error):

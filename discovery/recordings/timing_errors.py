@@ -35,10 +35,6 @@ class _Variance:
     timing: float
     timing_sd: float
 
-    def at(self, speed: FloatArray) -> FloatArray:
-        """Return the variance at squared speeds."""
-        return self.still + self.timing * speed
-
 
 def timing_error(time: FloatArray, channel: FloatArray, least: float) -> TimingError | None:
     """Find errors in the times of readings (n,) at steady stamps (n,) [s]; None where there are none.
@@ -103,7 +99,7 @@ def _law(missed: FloatArray, speed: FloatArray, least: float) -> tuple[_Variance
     if spread == 0.0 or not np.ptp(speed) > _TINY * np.median(speed) > 0.0:
         return None
     found = _fitted(missed, speed, max(least**2, _TINY * spread**2))
-    standard = np.clip(missed / np.sqrt(found.at(speed)), -FAR, FAR)
+    standard = np.clip(missed / np.sqrt(found.still + found.timing * speed), -FAR, FAR)
     by_speed = np.array_split(np.argsort(speed), 3)
     thirds = [standard[part] for part in by_speed]
     sizes = [float(np.sqrt(np.mean(third**2))) for third in thirds]

@@ -133,7 +133,10 @@ def _check_read(file: RigText, table: RigTable, columns: ColumnsTable) -> None:
     unit, reads = columns.output.unit, "force" if table.view else columns.output.reads
     refused, wanted = _REFUSED[reads]
     symbol = si_symbol(unit)
-    found = next((of for of in refused if symbol == of or (of != "rad" and _alike(symbol, of))), None)
+    # A unit that is none has the dimension of no other.
+    measures = known_dimension(symbol)
+    alike = (of for of in refused if symbol == of or (of != "rad" and measures == dimension(of.replace("/", " / "))))
+    found = next(alike, None)
     if found is None:
         return
     remedy = mistaken_for(unit) or " Correct the unit, or what turns the readings into it: zero and scale."
@@ -143,11 +146,6 @@ def _check_read(file: RigText, table: RigTable, columns: ColumnsTable) -> None:
         f"{file.at('columns', 'output', 'unit')}: the key 'columns.output.unit' is {unit!r}, {_MEASURED[found]}, but "
         f"the output is read as {wanted}.{remedy}"
     )
-
-
-def _alike(first: str, second: str) -> bool:
-    """Return whether two SI units have one dimension; a unit that is none has that of no other."""
-    return known_dimension(first) == dimension(second.replace("/", " / "))
 
 
 def _refuse_unlike(file: RigText, moved: str, read: str) -> None:

@@ -78,7 +78,8 @@ def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
                     f"{word!r} cannot be a name. Use letters, digits and underscores, as in 'phi_l', and no function's "
                     "name.",
                 )
-    if taken := [word for word in whole.constants if _is_taken(word)]:
+    names, beginnings = taken_names()
+    if taken := [w for w in whole.constants if len(w) < 2 or w in names or w.partition("_")[0] in beginnings]:
         others = f", and so {'is' if len(taken) == 2 else 'are'} {', '.join(map(repr, taken[1:]))}" if taken[1:] else ""
         raise refuse(
             f"constants.{taken[0]}",
@@ -156,12 +157,6 @@ def taken_names() -> tuple[frozenset[str], tuple[str, ...]]:
 def _is_word(word: str) -> bool:
     """Return whether a word can be the name of something in a system."""
     return bool(_WORD.match(word)) and not (keyword.iskeyword(word) or word in reserved_words() or "_at_" in word)
-
-
-def _is_taken(word: str) -> bool:
-    """Return whether something else in a model has, or may have, the name of a constant."""
-    names, beginnings = taken_names()
-    return len(word) < 2 or word in names or word.partition("_")[0] in beginnings
 
 
 def _unit(unit: str, key: str, refuse: _Refuse) -> str:

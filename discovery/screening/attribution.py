@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discovery.declarations.effect import Effect
-from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import get_effect
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits
@@ -119,11 +118,6 @@ class Candidate:
     shapes: Shapes  # every shape on the grid
 
 
-def _sizes(parameter: Parameter) -> list[float]:
-    """Return the declared sizes of an amplitude, smallest first: small enough to be linear, large enough to matter."""
-    return sorted({abs(v) for v in parameter.starts if v}) or [1e-3 * parameter.prior.width]
-
-
 def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, float]]:
     """Return finite values of an effect in the problem's units: a grid over shapes and sizes."""
     shapes = [p for p in effect.fitted(system) if p.shape]
@@ -134,7 +128,8 @@ def grid_of(effect: Effect, system: str, units: NaturalUnits) -> list[dict[str, 
         low, high = max(p.bounds[0], 1e-3 * p.prior.width), p.bounds[1]
         values = p.starts or tuple(np.geomspace(low, min(high, 20 * p.prior.width), _SHAPE_GRID))
         grids = [{**g, p.name: v * scale[p.name]} for g in grids for v in values]
-    sizes = {p: _sizes(p) for p in amplitudes}
+    # Declared sizes, smallest first, are small enough to be linear, and large enough to matter.
+    sizes = {p: sorted({abs(v) for v in p.starts if v}) or [1e-3 * p.prior.width] for p in amplitudes}
     levels = max((len(s) for s in sizes.values()), default=1) if len(grids) <= _FEW_SHAPES else 1
     return [
         {**g, **{p.name: s[min(level, len(s) - 1)] * scale[p.name] for p, s in sizes.items()}}
