@@ -9,8 +9,8 @@ import pytest
 from test_time_jitter import NOISE, RATE, written
 
 from discovery.recordings.flags import UNDERSTATED, doubted
+from discovery.recordings.local_fits import excess_scatter, timing_error
 from discovery.recordings.recording import read_recording
-from discovery.recordings.timing_errors import excess_scatter, timing_error
 from discovery.rigs.rig_file import read_rig
 
 STEP, COUNT = 1 / 21, 600

@@ -14,8 +14,14 @@ from discovery.declarations.effect import OSCILLATOR
 from discovery.declarations.place import INERTIA, local
 from discovery.declarations.system import SystemDeclaration
 from discovery.mechanics.base import Base, Channel, Mechanics, Place, Strand
-from discovery.mechanics.declared_equations import INPUT, Equations, coordinates_of
-from discovery.mechanics.declared_parameters import Unread, constant_parameter, unread_coordinates
+from discovery.mechanics.declared_equations import (
+    INPUT,
+    Equations,
+    Unread,
+    constant_parameter,
+    coordinates_of,
+    unread_coordinates,
+)
 from discovery.mechanics.lagrangian import total_derivative
 from discovery.mechanics.rod import STRAIGHT
 

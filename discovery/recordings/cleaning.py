@@ -12,11 +12,11 @@ from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
+from discovery.recordings.local_fits import timing_error
 from discovery.recordings.reading_flags import clean_output, gap_flags, without_ends
 from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
 from discovery.recordings.rounding import resolution
 from discovery.recordings.time_stamps import estimate_jitter, is_steady
-from discovery.recordings.timing_errors import timing_error
 from discovery.rigs.rig import Rig
 
 Bands = list[BandNoise | None]

@@ -11,9 +11,8 @@ import numpy.typing as npt
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
-from discovery.recordings.local_fits import CALMER, FAR, KEPT, SLOWEST, misses
+from discovery.recordings.local_fits import CALMER, FAR, KEPT, SLOWEST, excess_scatter, misses
 from discovery.recordings.rounding import are_marks, resolution
-from discovery.recordings.timing_errors import excess_scatter
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16

@@ -59,7 +59,7 @@ def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> 
     Stamps that deviate from a steady clock may be right, for then the samples were not steady, or err. They err where
     a reading lies off the cubic through its neighbours by more in the fastest third of a recording than in the
     slowest, beyond chance; they err by no more than they deviate. The estimate is the median of the channels, zero for
-    those that do not seem to err, and for steady stamps: see `discovery.recordings.timing_errors`.
+    those that do not seem to err, and for steady stamps: see `discovery.recordings.local_fits`.
     """
     if is_steady(time):
         return 0.0

@@ -133,6 +133,8 @@ def _check_effects(file: RigText, table: RigTable, base: str) -> None:
     for effect in named:
         try:
             systems = get_effect(effect).systems
+            if system in systems:
+                check_place(get_base(base), get_effect(effect))
         except InputError as error:
             raise InputError(f"{where} {error}") from error
         if system not in systems:
@@ -140,10 +142,6 @@ def _check_effects(file: RigText, table: RigTable, base: str) -> None:
                 f"{where} {effect!r} acts on {' and '.join(sorted(systems))}, not on kind {table.kind!r}. Remove it; "
                 f"`discovery effects {effect}` shows what it is."
             )
-        try:
-            check_place(get_base(base), get_effect(effect))
-        except InputError as error:
-            raise InputError(f"{where} {error}") from error
         if named.count(effect) > 1:
             raise InputError(f"{where} {effect!r} is named twice. Name each effect once.")
 
