@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from discovery.foundation.errors import InputError
+from discovery.recordings.dataset import load_dataset
 from discovery.rigs.kinds import LINEAR_MODEL, PAPER_MODEL
 from discovery.rigs.rig import ARM_COLUMNS, Quantity
 from discovery.rigs.rig_file import read_rig
@@ -377,3 +378,20 @@ def test_missing_and_binary_file(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
     with pytest.raises(InputError, match="not valid TOML"):
         read_rig(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize(("unit", "what"), [("km/h", "a speed"), ("g_0", "an acceleration"), ("mm", "")])
+def test_a_speed_that_is_taken_as_a_position_is_doubted(tmp_path, unit, what):
+    (tmp_path / "rig.toml").write_text(
+        'name = "c"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        f'output = {{ name = "v", unit = "{unit}" }}\n'
+    )
+    time = np.linspace(0.0, 20.0, 400)
+    table = np.column_stack([time, np.sin(3 * time) + 0.01 * np.random.default_rng(0).normal(size=400)])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,v", comments="")
+    (experiment,) = load_dataset(tmp_path / "rig.toml", tmp_path / "a.csv").train
+    told = [flag for flag in experiment.recording.flags if flag.code == "rate_as_position"]
+    assert len(told) == bool(what)
+    if told:
+        assert told[0].severity == "doubt"
+        assert f"'v', {what}, is taken as the position" in told[0].sentence

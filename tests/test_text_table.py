@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import read_table
-from discovery.foundation.text_table import unnamed_columns
+from discovery.foundation.text_table import parse_text, unnamed_columns
 from discovery.recordings.recording import read_recording
 from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
 
@@ -242,3 +244,11 @@ def test_a_comment_above_numbers_names_the_columns(tmp_path, comment, separator,
     np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in names]), VALUES)
     # Names that the rig file gives stand above those of a comment.
     assert list(read_table(path, list("abc")).columns) == list("abc")
+
+
+@pytest.mark.parametrize("empty", [",", ",,", ' , ""', ";", "\t\t"])
+def test_rows_of_empty_cells_are_passed_over(empty: str) -> None:
+    """Spreadsheets write them by the hundred below what was measured."""
+    columns, lines = parse_text(Path("a.csv"), "t,y\n0,1\n1,2\n" + f"{empty}\n" * 300 + "2,3\n")
+    assert columns["y"].tolist() == [1, 2, 3]
+    assert lines.tolist() == [2, 3, 304]

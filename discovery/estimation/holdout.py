@@ -38,6 +38,17 @@ class Constant:
     held: list[Channel]  # of what is held out
     share: float  # of the readings that are held out
 
+    def unless_finite(self, held: list[Channel], p: int) -> list[Channel]:
+        """Return what is left of a recording; where the motion blows up, what its mean leaves, whatever the p."""
+        if all_finite(held):
+            return held
+        return [replace(c, columns=np.insert(c.columns, [0] * p, 0.0, axis=1)) for c in self.held]
+
+
+def all_finite(channels: Sequence[Channel]) -> bool:
+    """Return whether no channel has a reading that is not finite."""
+    return all(np.isfinite(c.columns).all() for c in channels)
+
 
 class HoldOut:
     """Recordings, or parts of them, that decide and judge but are never fitted."""

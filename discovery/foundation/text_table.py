@@ -21,6 +21,8 @@ from discovery.foundation.errors import InputError
 _BLANKS = r"\s+"
 #: Rows in which a decimal comma is looked for.
 _LOOKED = 200
+#: Characters of a row without anything in its cells, as spreadsheets write them.
+_NOTHING = " \t,;\"'"
 #: Lines of titles that a program may write above a table.
 _TITLES = 5
 #: What is done with a line that is no part of a table, and how many of its characters a message shows.
@@ -43,7 +45,8 @@ def parse_text(
 ) -> tuple[dict[str, npt.NDArray[Any]], IntArray]:
     """Read the columns of a text file: each by its name, shape (n,), and the line of each row in the file, from 1.
 
-    Commas, semicolons, tabs or runs of blanks separate the columns; lines that begin with ``#`` or ``%`` are comments.
+    Commas, semicolons, tabs or runs of blanks separate the columns; lines that begin with ``#`` or ``%`` are comments,
+    and lines without anything in their cells are passed over.
     Where no comma separates columns, numbers may have a decimal comma. Where the first row holds numbers, the comment
     above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above all of it.
 
@@ -51,8 +54,8 @@ def parse_text(
     have the cells that the names ask for.
     """
     every = text.splitlines()
-    stripped = (line.strip() for line in every)
-    lines = np.array([number for number, line in enumerate(stripped, 1) if line and line[0] not in "#%"], np.int64)
+    stripped = ((number, line.strip()) for number, line in enumerate(every, 1))
+    lines = np.array([n for n, line in stripped if line.strip(_NOTHING) and line[0] not in "#%"], np.int64)
     if lines.size == 0:
         raise InputError(f"{path} is empty but for comments. Export the recording again.")
     rows = [every[number - 1] for number in lines]

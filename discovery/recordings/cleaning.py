@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from discovery.declarations.units import si_factor
+from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
 from discovery.recordings.file_signals import Signals
@@ -20,6 +20,8 @@ from discovery.recordings.time_stamps import estimate_jitter, is_steady
 from discovery.rigs.rig import Rig
 
 Bands = list[BandNoise | None]
+#: SI units of what is no position.
+_MOTIONS = dict.fromkeys(("m/s", "rad/s"), "a speed") | dict.fromkeys(("m/s^2", "rad/s^2"), "an acceleration")
 
 
 def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[list[float], Bands, list[Flag]]:
@@ -29,7 +31,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
     flags: list[Flag] = []
     returns = rig.traits.returns and rig.view is None
     rate = get_base(rig.base).order == 1
-    position = not rate and rig.view is None and rig.columns.output.reads == "position"
+    position = get_base(rig.base).order == 0 and rig.view is None and rig.columns.output.reads == "position"
     driven = position and found.inputs is not None and not rig.traits.has_rod
     for channel, known in zip(found.channels, stated, strict=True):
         if channel not in found.outputs:
@@ -38,6 +40,8 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
             continue
         name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
         flags += gap_flags(name, found.time, found.table.numbers(name))
+        if position and (what := _MOTIONS.get(si_symbol(unit))):
+            flags.append(Flag("rate_as_position", name, unit, {"what": what}))
         if rig.view is None:  # a force of friction is flat by itself
             values, told = without_ends(name, unit, found.time, values)
             flags += told

@@ -241,6 +241,12 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "the motion has ended before the recording has: its first {kept} of {count} readings are used, up to "
         "{last:.4g} s of {end:.4g} s.",
     ),
+    "rate_as_position": (
+        "doubt",
+        "{column!r}, {what}, is taken as the position of a body: springs, losses and friction are then not what they "
+        "are called. Declare a system in its own equations (docs/YOUR_SYSTEM.md), or, where it is one, reads = "
+        '"acceleration".',
+    ),
     "third_apart": (
         "note",
         "nothing pulls what is read back to a place, so what a prediction misses adds up: the last {held} of {count} "

@@ -90,8 +90,8 @@ def two_thirds(samples: int) -> int:
 
 
 def motion_over_noise(recording: Recording, first: int) -> float:
-    """Return the largest scatter of any stretch from a sample on [noise sds]: how much its readings can tell."""
-    return max(scatter for *_, scatter in _stretches(recording, first))
+    """Return the largest scatter of any stretch from a sample on, or of all [noise sds]: how much its readings tell."""
+    return max(_scatter(recording, first, None), *(scatter for *_, scatter in _stretches(recording, first)))
 
 
 def _last_moving(recording: Recording, moves: Callable[[int], float]) -> int:
@@ -122,7 +122,7 @@ def _stretches(recording: Recording, first: int) -> list[tuple[int, int, float]]
     return [(a, b, _scatter(recording, a, b)) for a, b in pairwise(edges.tolist())]
 
 
-def _scatter(recording: Recording, first: int, last: int) -> float:
+def _scatter(recording: Recording, first: int, last: int | None) -> float:
     """Return the largest standard deviation of any channel over a range of samples [noise sds]; gaps count nothing."""
     channels = zip(recording.output[first:last].T, recording.noise.tolist(), strict=True)
     return max(float(np.std(c[np.isfinite(c)])) / noise if np.isfinite(c).any() else 0.0 for c, noise in channels)

@@ -31,8 +31,8 @@ def _strayed(found: Record) -> str:
     size = f"{figures(times, 2)} times as large as" if times > 1.0 else f"{figures(1.0 / times, 2)} times smaller than"
     return (
         f"{_value(found)} of the declared model ends {size} its guess of {figures(numbers['guess'])}{others}, and "
-        "added effects may make up for it: state its `value` and `sd` from a data sheet or a scale, or check units and "
-        "signs of what the rig file states"
+        "added effects may make up for it: state its `value` and `sd` from a data sheet or a scale, correct the guess "
+        "if it is one of a draft, or check units and signs of what the rig file states"
     )
 
 

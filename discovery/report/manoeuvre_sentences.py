@@ -14,6 +14,7 @@ Record = Mapping[str, Any]
 
 #: Predictions that differ by so many noise sds would be told apart, were there no model error.
 _SEEN = 3.0
+_ALIKE = 0.01  # noise sds by which two laws differ that are one here
 #: A system whose gentlest manoeuvre takes it so many times as far as it was recorded is held by nothing.
 _AWAY = 3.0
 
@@ -50,10 +51,11 @@ def _promise(found: Record) -> str:
     """Return what to do to tell laws apart, and what it promises."""
     given, designed = found["given"]["projected"], found["designed"]
     hidden = ", where the model error that is left hides it" if given > _SEEN else ""
+    now = f"{figures(given, 2)} on the given recordings{hidden}" if given > _ALIKE else "alike on the given recordings"
     return (
         f"To tell {', '.join(laws_apart(found))} apart: {_what_to_do(found)}. With their parameters readjusted, the "
-        f"predictions then differ by {figures(designed['projected'], 2)} noise sds rms ({figures(given, 2)} on the "
-        f"given recordings{hidden}), and the right one is expected to win by a chi-square of "
+        f"predictions then differ by {figures(designed['projected'], 2)} noise sds rms ({now}), "
+        f"and the right one is expected to win by a chi-square of "
         f"{figures(designed['chi2'])}, the best of {found['evaluations']} manoeuvres tried."
     )
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from discovery.estimation.bench import Bench
+from discovery.estimation.chatter import clear_of_chatter
 from discovery.estimation.covariance import Probed, simulated
-from discovery.estimation.holdout import fitted_states
+from discovery.estimation.holdout import all_finite, fitted_states
 from discovery.estimation.laplace import belief_of
 from discovery.estimation.log_evidence import Linearised
 from discovery.estimation.model_error import Channel
@@ -42,10 +43,12 @@ def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[
     """Return refits of one bench, all with finite residuals, linearised; None for what blows up."""
     if not refits:
         return []
-    probes = [Probed.around(r.problem, r.minimum.x, _sizes(r)) for r in refits]
+    problems, points = [r.problem for r in refits], [r.minimum.x for r in refits]
+    sizes = clear_of_chatter(bench, problems, points, [_sizes(r) for r in refits])
+    probes = [Probed.around(*each) for each in zip(problems, points, sizes, strict=True)]
     with np.errstate(over="ignore", invalid="ignore"):
-        train = simulated(bench, [r.problem for r in refits], probes)
-        held = [([], []) for _ in refits] if context.judge.continued else _on_held(context, bench, refits)
+        train = simulated(bench, problems, probes)
+        held = [([], []) for _ in refits] if context.judge.continued else _on_held(context, bench, refits, sizes)
         return [_slopes(context, r, own, *other) for r, own, other in zip(refits, train, held, strict=True)]
 
 
@@ -56,16 +59,18 @@ def _sizes(refit: Refit) -> FloatArray:
     return np.clip(_APART / np.maximum(slope, 1e-300), 1e-9 * scale, 1e-2 * scale)
 
 
-def _on_held(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[tuple[list[FloatArray], list[float]]]:
+def _on_held(
+    context: Context, bench: Bench, refits: Sequence[Refit], sizes: Sequence[FloatArray]
+) -> list[tuple[list[FloatArray], list[float]]]:
     """Return the columns of the held-out recordings, parameters, own starts and residual, and the starts' priors."""
     judge = context.judge
     held = judge.simulators(bench, [(r.problem.model, r.values) for r in refits], judge.deciding())
     alone = [_with_known(r, held) for r in refits]
     problems = [replace(r.problem, bench=held) for r in refits]
     probes = []
-    for r, problem, state in zip(refits, problems, fitted_states(alone), strict=True):
+    for r, problem, state, own in zip(refits, problems, fitted_states(alone), sizes, strict=True):
         free = len(problem.free)
-        size = np.concatenate([_sizes(r)[:free], problem.scale[free:] * 1e-2])
+        size = np.concatenate([own[:free], problem.scale[free:] * 1e-2])
         probes.append(Probed.around(problem, np.concatenate([r.minimum.x[:free], state]), size))
     return [(c, [s.width for s in p.states]) for c, p in zip(simulated(held, problems, probes), problems, strict=True)]
 
@@ -89,26 +94,15 @@ def _slopes(
         weight, n = e.weights() > 0, len(e.fitted_part.recording.time)
         jacobian.append(np.where(weight[:n, :, None], columns[:n, :, :-1], 0.0).reshape(-1, p))
         fitted += Channel.each(e.recording.time, np.insert(columns, [p] * len(more), 0.0, axis=2), weight)
-    if not _all_finite(fitted):
+    if not all_finite(fitted):
         return None
     judge = context.judge
     own = train if judge.continued else [np.insert(columns, [free] * (p - free), 0.0, axis=2) for columns in held]
     parts = (Channel.each(e.recording.time, c, here) for (e, here), c in zip(judge.parts, own, strict=True))
     kept = zip(filter(None, parts), judge.constants, strict=True)
-    judged = [_or_constant(part, constant.held, p + len(more)) for part, constant in kept]
+    judged = [constant.unless_finite(part, p + len(more)) for part, constant in kept]
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
     form = context.settings.form_of(problem.model)
     linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated, form, context.constant_scores)
     return Slopes(linear, np.concatenate(jacobian))
-
-
-def _or_constant(held: list[Channel], constant: list[Channel], p: int) -> list[Channel]:
-    """Return what is left of a held-out recording; where the motion blows up, what its mean leaves, whatever the p."""
-    if _all_finite(held):
-        return held
-    return [replace(c, columns=np.insert(c.columns, [0] * p, 0.0, axis=1)) for c in constant]
-
-
-def _all_finite(channels: Sequence[Channel]) -> bool:
-    return all(np.isfinite(c.columns).all() for c in channels)
