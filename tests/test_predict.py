@@ -352,3 +352,14 @@ def test_the_instruments_effects_are_in_what_it_would_read() -> None:
     values = {"g": 1.0, "xi": 0.1, "alpha": 9.0, "theta_0": 0.03}
     ((found,),) = held_out([(model, values)], b, NaturalUnits(1 / 3, 0.3, 1.0))
     np.testing.assert_allclose(found[:, 0], 0.03, atol=1e-6)
+
+
+def test_an_arm_under_a_force_in_time_rests_near_its_straight_shape() -> None:
+    """The force on the higher shapes hides the place of rest from a slow motion through it."""
+    values = {
+        "xi": 0.09, "alpha": 5.8, "tau_r": 1e-4, "mu": 0.033, "length": 1.0, "c_b": 0.0208, "Omega": 3.23,
+        "a_s": 0.17, "a_c": -0.1, "b_s": 0.00307, "b_c": -0.00367, "n_s": 0.00147, "n_c": 0.00038,
+    }  # fmt: skip
+    effects = ("viscous_damping", "linear_stiffness", "periodic_disturbance", "base_compliance")
+    found = equilibrium(Model("elastica_4", effects), values, NaturalUnits(0.415, 0.3, 1.0), [0.0], 0.0)
+    assert 0.0 < abs(found) < 0.002

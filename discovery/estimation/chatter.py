@@ -17,9 +17,9 @@ from discovery.foundation.arrays import FloatArray
 
 #: A change of parameters by this part of themselves is none.
 _NOTHING = 1e-9
-#: It moves readings by less than this where nothing chatters; elsewhere a step of a parameter is to move them by so
-#: many times as much [noise sds, all readings together].
-_QUIET, _CLEAR = 0.03, 5.0
+#: It may move readings by as much as a step of a parameter does; where it moves them more, such a step is to move them
+#: by so many times as much [noise sds, all readings together].
+_QUIET, _CLEAR = 0.3, 5.0
 #: Steps grow by this factor, up to a hundredth of the size of a parameter.
 _FACTOR, _LARGEST = 10.0, 1e-2
 
