@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from copy import copy
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -478,3 +479,24 @@ def test_a_candidate_that_leads_the_start_to_a_lower_minimum_is_none() -> None:
     assert led.joint > bad.root.joint + 100
     assert led.added == ()
     assert led.refit.values["alpha"] == pytest.approx(9.0, rel=0.02)
+
+
+def test_a_flexible_law_is_tried_beside_a_refused_plain_one_after_all_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of the two is refused alone, and no pair of plain laws serves."""
+    search = copy(offered())
+    alone, flexible = (SimpleNamespace(added=(e,)) for e in ("quadratic_drag", "periodic_disturbance"))
+    pairs = [SimpleNamespace(added=("quadratic_drag", e)) for e in ("coulomb_friction", "periodic_disturbance")]
+    beside = {search.best: [alone, flexible], alone.added: pairs}
+    tried: list[list[tuple[str, ...]]] = []
+
+    def take(some: list[Any]) -> bool:
+        tried.append([c.added for c in some])
+        return pairs[1].added in tried[-1]
+
+    monkeypatch.setattr(search, "_take", take)
+    monkeypatch.setattr(search, "_leaves_noise", lambda: False)
+    monkeypatch.setattr(search, "_leading", lambda plain: plain)
+    offers = SimpleNamespace(beside=lambda node: beside[node.added if node is alone else node], pairs=lambda _: [])
+    monkeypatch.setattr(search, "offers", offers)
+    assert search._forward()
+    assert tried == [[alone.added], [], [pairs[0].added], [flexible.added], [], [p.added for p in pairs]]

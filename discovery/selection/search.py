@@ -212,10 +212,10 @@ class Search:
         if self._take(of_plain := _plain(pairs, 2)):
             return True
         # Effects hide each other: what is refused alone may be right beside another.
-        for leading in self._leading(plain) if not self.best.added else ():
-            if self._take(_plain(self.offers.beside(leading))):
-                return True
-        return self._take(pliable) or (len(of_plain) < len(pairs) and self._take(pairs))
+        beside = [self.offers.beside(leading) for leading in (() if self.best.added else self._leading(plain))]
+        if any(self._take(_plain(each)) for each in beside) or self._take(pliable):
+            return True
+        return any(self._take(each) for each in (pairs if len(of_plain) < len(pairs) else [], *beside))
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
         """Return the refused sets that gain in training, leave less and promise most: each may be half of a pair."""
