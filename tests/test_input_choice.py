@@ -91,7 +91,7 @@ def test_what_the_rig_file_names_is_kept(tmp_path):
 
 def test_an_input_that_is_differentiated_cannot_jump(tmp_path):
     rig, files = recorded(tmp_path, "hold", asked="hold")
-    rig.write_text(rig.read_text().replace("noise =", 'reads = "acceleration", noise ='))
+    rig.write_text(rig.read_text().replace('"mm", noise =', '"m/s^2", reads = "acceleration", noise ='))
     with pytest.raises(InputError, match=r'line 6: the second derivative of this input is needed.*Set it to "spline"'):
         load_dataset(rig, files)
 

@@ -77,6 +77,8 @@ class Recording(RecordingViews):
     0.005  0.039765
     >>> swing.to_xarray()["output"].attrs
     {'units': 'm', 'noise': 5e-05}
+    >>> swing.part(slice(100, None)).time[:2].tolist()
+    [0.5, 0.505]
     """
 
     name: str
