@@ -10,7 +10,7 @@ import pytest
 
 from discovery.declarations.effect import Sensor
 from discovery.declarations.registry import catalogue
-from discovery.equations.lacking import candidates, in_the_end
+from discovery.equations.lacking import candidates, eventual_candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
@@ -27,7 +27,7 @@ from discovery.screening.responses import Grid, plan, respond
 
 TRUTH = {"g": 1.0, "xi": 0.08, "alpha": 9.0}
 DECLARED = ("viscous_damping", "linear_stiffness")
-EFFECTS = in_the_end(Model("oscillator", ()))
+EFFECTS = eventual_candidates(Model("oscillator", ()))
 UNITS = NaturalUnits(1 / 3, 0.3, 1.0)
 NOISE = 1e-3
 TIME = np.linspace(0.0, 20.0, 801)
@@ -235,7 +235,7 @@ def test_a_body_that_falls_is_tied_to_nothing() -> None:
     names = candidates(Model("falling_body", ()), "m")
     assert {"viscous_damping", "quadratic_drag", "position_scale"} <= set(names)
     assert not {"linear_stiffness", "hysteresis", "amplitude_dependent_damping", "coulomb_friction"} & set(names)
-    assert "cubic_stiffness" in in_the_end(Model("oscillator", ()), "m")
+    assert "cubic_stiffness" in eventual_candidates(Model("oscillator", ()), "m")
 
 
 def test_what_does_not_depend_on_a_shape_is_simulated_once() -> None:

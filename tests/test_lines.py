@@ -16,7 +16,7 @@ from scipy.signal import TransferFunction, lsim
 from discovery.declarations.effect import Mode, Sensor
 from discovery.declarations.registry import get_effect
 from discovery.equations.equation import equation_of_motion, equation_terms
-from discovery.equations.lacking import candidates, in_the_end
+from discovery.equations.lacking import candidates, eventual_candidates
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.export import to_json, to_latex, to_sympy
@@ -55,7 +55,7 @@ def simulate(
     time: NDArray = TIME,
 ) -> NDArray:
     """Return the reading (m,) from the kernel of everything that acts on the base; what is not named is absent."""
-    model, whole = Model(base, effects), Model(base, in_the_end(Model(base, ())))
+    model, whole = Model(base, effects), Model(base, eventual_candidates(Model(base, ())))
     assert values.keys() <= model.parameters.keys()
     sim = Simulator(base, whole.effects, time, drive, step=0.005)
     numbers = np.array([[values.get(n, whole.parameters[n].default)] for n in sim.names])
@@ -160,7 +160,7 @@ def _kinked(effect: str, values: dict[str, float], drive: Swing) -> NDArray[np.b
     return near[2:-2]
 
 
-@pytest.mark.parametrize("effect", in_the_end(Model("accelerometer", ())))
+@pytest.mark.parametrize("effect", eventual_candidates(Model("accelerometer", ())))
 def test_an_accelerometer_reads_the_second_derivative(effect: str) -> None:
     drive, start = Swing(), (0.4, -0.3)
     model = Model("accelerometer", tuple(dict.fromkeys((*LINEAR, effect))))

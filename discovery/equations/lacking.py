@@ -28,7 +28,7 @@ def candidates(
     return tuple(e for e in acting if turns or not get_effect(e).remembers)
 
 
-def in_the_end(
+def eventual_candidates(
     model: Model, unit: str = "rad", declared: Collection[str] | None = None, *, turns: bool = True
 ) -> tuple[str, ...]:
     """Return the candidates, and those that could be missing once one of them ties the body to a place."""
@@ -70,7 +70,7 @@ def ever_candidates(bases: Iterable[str], unit: str = "rad") -> frozenset[str]:
     >>> "cogging" in ever_candidates(["falling_body"]), "cogging" in ever_candidates(["servo"])
     (False, True)
     """
-    found = frozenset(e for base in bases for e in in_the_end(Model(base, ()), unit))
+    found = frozenset(e for base in bases for e in eventual_candidates(Model(base, ()), unit))
     return found or frozenset(e for e, effect in catalogue().items() if _has_a_place(effect))
 
 

@@ -136,10 +136,10 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
     context.progress("refitting the declared model")
     before, context, whole = in_its_units(first_fit(context.train, context.units), context, whole)
     before = sought(before, context)
-    before, search = _searching(before, context)
+    doubted = impossible(flag for e in (*context.train, *context.judge.separate) for flag in e.recording.flags)
+    before, search = _searching(before, context, led=not doubted)
     if (left := variance_left(before.problem, before.chi2)) > _MOST:
         search.decisions.append(Decision("declare", (), False, "astray", {"left": left}))
-    doubted = impossible(flag for e in (*context.train, *context.judge.separate) for flag in e.recording.flags)
     if doubted:
         # What explains readings in another unit is none of the system's effects.
         search.decisions.append(Decision("stop", (), True, "impossible"))
@@ -182,12 +182,15 @@ def _start(before: Fit, context: Context) -> Fit:
     return context.fit(before.model, before.values, before.problem.gaussian)
 
 
-def _searching(before: Fit, context: Context) -> tuple[Fit, Search]:
-    """Return the declared model's fit and the search from it; a candidate that leads it to a lower minimum is none."""
+def _searching(before: Fit, context: Context, *, led: bool) -> tuple[Fit, Search]:
+    """Return the declared model's fit and the search from it, once `led` to where the likeliest candidate leads it.
+
+    What lowers its minimum is not lacking. An arm is not led: its exact mechanics begin at its estimate.
+    """
     search = Search(_start(before, context), context)
-    if search.root.model.mechanics.approximates or (led := search.neighbours.lower()) is search.root:
+    if not led or context.train[0].system.has_rod or (lower := search.neighbours.lower()) is search.root:
         return before, search
-    before = context.fit(before.model, led.refit.values, before.problem.gaussian)
+    before = context.fit(before.model, lower.refit.values, before.problem.gaussian)
     return before, Search(before, context)
 
 

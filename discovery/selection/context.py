@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from discovery.declarations.forces import SmoothForce
-from discovery.equations.lacking import candidates, in_the_end
+from discovery.equations.lacking import candidates, eventual_candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
@@ -69,7 +69,7 @@ class Context:
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        return tuple(sorted({*model.effects, *self.candidates(model, which=in_the_end), SmoothForce.id()}))
+        return tuple(sorted({*model.effects, *self.candidates(model, which=eventual_candidates), SmoothForce.id()}))
 
     def added(self, model: Model) -> tuple[str, ...]:
         """Return the effects of a model that are not declared."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from discovery.declarations.effect import Effect
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.equations.lacking import in_the_end
+from discovery.equations.lacking import eventual_candidates
 from discovery.equations.model import Model
 from discovery.equations.program import Program, build_program
 from discovery.foundation.arrays import FloatArray
@@ -63,7 +63,7 @@ def _every_effect(base_name: str, _known: tuple[tuple[str, Effect], ...], _bases
     # What only a base that moves has would be nothing of its own on one that rests.
     had = {"", *(need for base in map(get_base, base_names()) if base.input_moves for need in base.has)}
     joints = [e for e, effect in catalogue().items() if effect.needs not in had] if base_name == "oscillator" else []
-    return (*in_the_end(Model(base_name, ())), *joints)
+    return (*eventual_candidates(Model(base_name, ())), *joints)
 
 
 def derivative(f: Callable[[float], FloatArray]) -> FloatArray:
