@@ -73,7 +73,7 @@ class Place:
         """Return whether an effect has a meaning here; a linear spring has none beside a declared one."""
         spring = effect.id() == "linear_stiffness"
         angle = self.unit in ("rad", "1") or not effect.angular
-        held = self.tied or not effect.anchored or effect.ties
+        held = self.tied or not effect.anchored or spring
         there = {"": True, SPRING: self.sprung, ROTOR: not self.tied}.get(effect.needs, False)
         return angle and held and there and not (spring and self.tied and self.sprung)
 
