@@ -18,6 +18,7 @@ from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.predict import equilibrium
+from discovery.export.symbolic import equation_text
 from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import system_base
 from discovery.posterior.likelihood import log_posterior
@@ -334,3 +335,13 @@ def test_a_rig_file_declares_a_system(tmp_path: Path) -> None:
 def test_refused_with_line_and_remedy(tmp_path: Path, old: str, new: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
         read_rig(rig_with(tmp_path, old, new))
+
+
+def test_its_equations_in_text_are_its_own() -> None:
+    """Not those of a rod: energies and forces in the names of the declaration, and what effects add."""
+    base = system_base(ready_made()["dc_motor"]).name
+    text = equation_text(Model(base, ("coulomb_friction_at_shaft", "input_lag", "sensor_delay")))
+    assert any(line.startswith("Kinetic energy: T = ") for line in text)
+    assert "memory: u_l' = (u - u_l)/tau_u" in text
+    assert any(line.endswith("t_read = t - tau") for line in text)
+    assert not any("theta(s, t)" in line or "r_0" in line for line in text)

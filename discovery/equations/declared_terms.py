@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Effect, Expressed
+from discovery.declarations.effect import Drive, Effect, Expressed, Sensor
 from discovery.declarations.place import INERTIA, local
 from discovery.declarations.registry import effect_name
 from discovery.mechanics.declared import DeclaredBase
 from discovery.mechanics.declared_equations import INPUT, coordinates_of
 
 _DOTS = ("", "'", "''")
+_READ = sp.Symbol("y_read", real=True)
 _LETTERS = {"potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
 
 
@@ -65,6 +67,23 @@ def placed_lines(effect: Effect) -> list[DeclaredLine]:
     lines = [DeclaredLine(effect_name(effect.id()), letter, 0, effect.expression().xreplace(told))]
     lines += [DeclaredLine("memory", z.name, 1, slope.xreplace(told)) for z, slope in effect.states().items()]
     return lines
+
+
+def every_line(base: DeclaredBase, effects: Sequence[Effect]) -> list[DeclaredLine]:
+    """Return what was declared, what each effect adds at its place, what is received and what is read."""
+    found = declared_lines(base)
+    for effect in effects:
+        name = effect_name(effect.id())
+        if effect.place:
+            found += placed_lines(effect)
+        elif isinstance(effect, Drive):
+            found.append(DeclaredLine(name, "u_received", 0, sp.sympify(effect.expression())))
+            found += [DeclaredLine("memory", z.name, 1, slope) for z, slope in effect.states().items()]
+        elif isinstance(effect, Sensor):
+            late = effect.lateness()
+            value = s.t - late if late != 0 else sp.sympify(effect.oscillator_reading(_READ))
+            found.append(DeclaredLine(name, "t_read" if late != 0 else "y_told", 0, value))
+    return found
 
 
 def _words(name: str) -> str:

@@ -11,9 +11,8 @@ import sympy as sp
 import sympy.abc
 
 from discovery.declarations import symbols as s
-from discovery.declarations.effect import Drive, Mode, Sensor
-from discovery.declarations.registry import effect_name
-from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
+from discovery.declarations.effect import Mode
+from discovery.equations.declared_terms import every_line
 from discovery.equations.model import Model
 from discovery.export.fitted import FittedModel
 from discovery.foundation.estimate_text import estimate_text
@@ -34,7 +33,6 @@ _NAMES = {
 }  # fmt: skip
 #: Names of symbols that have a letter of their own, the parameters apart.
 LETTERED = frozenset(_NAMES)
-_READ = sp.Symbol("y_read", real=True)
 
 
 @dataclass(frozen=True)
@@ -107,18 +105,10 @@ def declared_latex(model: Model) -> list[LatexLine]:
     """Return what was declared, what each effect adds at its place, what is received and what is read."""
     base = declared_base(model.base)
     assert base is not None  # only declared systems have places
-    found = declared_lines(base)
-    for effect in model.terms:
-        if effect.place:
-            found += placed_lines(effect)
-        elif isinstance(effect, Drive):
-            found.append(DeclaredLine(effect_name(effect.id()), "u_received", 0, sp.sympify(effect.expression())))
-            found += [DeclaredLine("memory", z.name, 1, slope) for z, slope in effect.states().items()]
-        elif isinstance(effect, Sensor):
-            late = effect.lateness()
-            value = sp.Symbol("t", real=True) - late if late != 0 else sp.sympify(effect.oscillator_reading(_READ))
-            found.append(DeclaredLine(effect_name(effect.id()), "t_read" if late != 0 else "y_told", 0, value))
-    return [LatexLine(line.words, f"{_dotted(line.name, line.dots)} = {_latex(line.value)}") for line in found]
+    return [
+        LatexLine(line.words, f"{_dotted(line.name, line.dots)} = {_latex(line.value)}")
+        for line in every_line(base, model.terms)
+    ]
 
 
 def _latex(value: sp.Expr) -> str:

@@ -11,12 +11,14 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect, Joint, Memory
+from discovery.equations.declared_terms import every_line
 from discovery.equations.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
 from discovery.export.fitted import FittedModel, given_numbers, model_of
 from discovery.foundation.errors import InputError
 from discovery.mechanics.rod import rod_of
+from discovery.mechanics.systems import declared_base
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
@@ -214,7 +216,16 @@ def _declared(effect: Effect) -> list[str]:
 
 
 def equation_text(model: Model) -> tuple[str, ...]:
-    """Return the motion as lines of plain text, of a rod Lagrange's, and what is read where that is no coordinate."""
+    """Return the motion as lines of plain text, of a rod Lagrange's, and what is read where that is no coordinate.
+
+    Of a declared system they are its energies, forces and places, in the names that its user gave.
+    """
+    if (declared := declared_base(model.base)) is not None:
+        own = every_line(declared, model.terms)
+        return (
+            "d/dt dT/dx' - dT/dx + dV/dx + dD/dx' = Q_x + dP/dx' for every coordinate x, sums over what follows",
+            *(f"{x.words}: {x.name}{x.dots * chr(39)} = {s.readable(x.value)}" for x in own),
+        )
     symbol, from_recorded = received(model)
     drive = () if from_recorded in RECORDED else (f"{symbol} = {from_recorded}, r_0 being what is recorded",)
     terms = closed_form(model)
