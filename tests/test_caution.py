@@ -130,15 +130,20 @@ output = {{ name = "v", unit = "m/s", noise = 0.01 }}
 """
 
 
+def strayed_from(folder: Path, rig: str) -> Caution | None:
+    """Fit what a rig file declares to a.csv, and return the constant that ends far from its guess."""
+    (folder / "rig.toml").write_text(rig)
+    data = load_dataset(folder / "rig.toml", [folder / "a.csv"])
+    return strayed_constant(first_fit(data.train, natural_units(data.train)))
+
+
 def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
     time = np.arange(0.0, 10.0, 0.05)
     speed = 3.0 * np.exp(-0.25 * time) + 0.01 * np.random.default_rng(1).standard_normal(time.size)
     np.savetxt(tmp_path / "a.csv", np.column_stack([time, speed]), delimiter=",", header="t,v", comments="")
 
     def doubt(guess: float) -> Caution | None:
-        (tmp_path / "rig.toml").write_text(COAST.format(guess=guess))
-        data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
-        return strayed_constant(first_fit(data.train, natural_units(data.train)))
+        return strayed_from(tmp_path, COAST.format(guess=guess))
 
     # The loss is 0.5 N s/m.
     found = doubt(0.02)
@@ -177,9 +182,7 @@ def test_an_inertia_that_vanishes_is_doubted_and_a_loss_is_not(tmp_path: Path) -
     np.savetxt(tmp_path / "a.csv", np.column_stack([time, angle]), delimiter=",", header="t,y", comments="")
 
     def doubt(guess: float) -> Caution | None:
-        (tmp_path / "rig.toml").write_text(HANGING.format(guess=guess))
-        data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
-        return strayed_constant(first_fit(data.train, natural_units(data.train)))
+        return strayed_from(tmp_path, HANGING.format(guess=guess))
 
     found = doubt(0.5)
     assert found is not None

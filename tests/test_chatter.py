@@ -32,7 +32,7 @@ def slopes(found: Problem, x: np.ndarray, size: np.ndarray) -> np.ndarray:
 def test_where_nothing_chatters_steps_stay() -> None:
     found, x = problem(creep=0.2, noise=1e-3)
     size = 1e-4 * found.scale
-    (kept,) = clear_of_chatter(found.bench, [found], [x], [size])
+    (kept,), _ = clear_of_chatter(found.bench, [found], [x], [size])
     np.testing.assert_array_equal(kept, size)
 
 
@@ -40,7 +40,7 @@ def test_chatter_is_no_knowledge_of_a_parameter() -> None:
     """Derivatives by tiny steps are hundreds of times those by steps that the chatter does not hide, or of none."""
     found, x = problem(creep=1e-4, noise=1e-5)
     tiny = 1e-7 * found.scale
-    (size,) = clear_of_chatter(found.bench, [found], [x], [tiny])
+    (size,), _ = clear_of_chatter(found.bench, [found], [x], [tiny])
     assert ((size == 0.0) | (size > 10.0 * tiny)).all()
     wild, sound = slopes(found, x, tiny), slopes(found, x, size)
     assert (wild > 30.0 * sound)[size > 0.0].all()

@@ -105,8 +105,8 @@ def strayed_constant(fitted: Fit) -> Caution | None:
     if not far:
         return None
     name, *others = sorted(far, key=lambda n: -abs(math.log(far[n])))
-    value, unit = fitted.values[name], fitted.told(name)["unit"]
-    numbers = {"value": value, "guess": value / far[name], "unit": unit, "others": others}
+    guess, unit = fitted.model.parameters[name].default, fitted.told(name)["unit"]
+    numbers = {"value": fitted.values[name], "guess": guess, "unit": unit, "others": others}
     return Caution("strayed", name, numbers=numbers)
 
 

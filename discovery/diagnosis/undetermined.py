@@ -33,23 +33,22 @@ def hung_on(off: Caution, fitted: Fit) -> Caution:
         return off
     sds_of = np.sqrt(np.diag(fitted.covariance))
     slopes, left = _continued(fitted, sds_of)
-    found: list[tuple[float, str, dict[str, Any]]] = []
+    found: list[tuple[float, str, float, FloatArray]] = []
     for k, (name, sd) in enumerate(zip(fitted.problem.free, sds_of if left.size else (), strict=False)):
         value = float(fitted.minimum.x[k])
         if fitted.model.parameters[name].shape or not (0.0 < sd < np.inf and abs(value) < _UNTOLD * sd):
             continue
         # A number without an interval is not readjusted.
-        moved = slopes @ np.nan_to_num(fitted.covariance[:, k] / sd)
+        with_it = np.nan_to_num(fitted.covariance[:, k] / sd)
+        moved = slopes @ with_it
         sds = -float(moved @ left) / max(float(moved @ moved), np.finfo(float).tiny)
         share = float(np.linalg.norm(left + sds * moved) / np.linalg.norm(left))
         if abs(sds) <= _UNTOLD and share <= _HALVED:
-            found.append((float(sd) / max(abs(value), np.finfo(float).tiny), name, {"sds": sds, "left": share}))
-    for _, name, numbers in sorted(found, key=lambda each: -each[0]):
-        k = fitted.problem.free.index(name)
-        moved = numbers["sds"] * np.nan_to_num(fitted.covariance[:, k] / sds_of[k])
-        numbers["left"] = _share_left(fitted, moved, float(np.linalg.norm(left)))
-        if numbers["left"] <= _HALVED:
-            return _about(off, fitted, name, numbers)
+            found.append((float(sd) / max(abs(value), np.finfo(float).tiny), name, sds, sds * with_it))
+    for _, name, sds, moved in sorted(found, key=lambda each: -each[0]):
+        share = _share_left(fitted, moved, float(np.linalg.norm(left)))
+        if share <= _HALVED:
+            return _about(off, fitted, name, {"sds": sds, "left": share})
     return off
 
 

@@ -26,39 +26,47 @@ _FACTOR, _LARGEST = 10.0, 1e-2
 
 def clear_of_chatter(
     bench: Bench, problems: Sequence[Problem], points: Sequence[FloatArray], sizes: Sequence[FloatArray]
-) -> list[FloatArray]:
-    """Return by how much parameters are moved for derivatives (p,): as given, but by more where a motion chatters.
+) -> tuple[list[FloatArray], list[list[FloatArray]]]:
+    """Return by how much parameters are moved for derivatives (p,), and the columns that follow, see `simulated`.
 
-    What moves the readings by no more than that, however far it is moved, is told by none of them: its step is zero.
+    They are moved as given, but by more where a motion chatters. What moves the readings by no more than that, however
+    far it is moved, is told by none of them: its step is zero.
 
     `bench`: simulators of all problems. `points`, `sizes` each (p,): where, and the steps in question.
     """
-    floor = _by_nothing(bench, problems, points)
-    found = list(sizes)
+    probes = [Probed.around(*each) for each in zip(problems, points, sizes, strict=True)]
+    steps, columns = list(sizes), simulated(bench, problems, probes)
+    floor = _by_nothing(bench, problems, points, columns)
     for i in np.flatnonzero(np.isfinite(floor) & (floor > _QUIET)).tolist():
-        found[i] = _grown(bench, problems[i], points[i], sizes[i], _CLEAR * float(floor[i]))
-    return found
+        steps[i], columns[i] = _grown(bench, problems[i], points[i], sizes[i], columns[i], _CLEAR * float(floor[i]))
+    return steps, columns
 
 
-def _by_nothing(bench: Bench, problems: Sequence[Problem], points: Sequence[FloatArray]) -> FloatArray:
+def _by_nothing(
+    bench: Bench, problems: Sequence[Problem], points: Sequence[FloatArray], columns: Sequence[list[FloatArray]]
+) -> FloatArray:
     """Return how far readings move where parameters are changed by nothing, (problems,) [noise sds]."""
-    columns = [np.column_stack([x, x + _NOTHING * p.scale]) for p, x in zip(problems, points, strict=True)]
-    channels = bench.predict(*side_by_side(problems, columns))
-    apart = [
-        np.square((c[:, :, 1::2] - c[:, :, 0::2]) / e.recording.scatter[:, :, None]).sum(axis=(0, 1))
-        for e, c in zip(bench.experiments, channels, strict=True)
-    ]
+    moved = [(x + _NOTHING * p.scale)[:, None] for p, x in zip(problems, points, strict=True)]
+    channels = bench.predict(*side_by_side(problems, moved))
+    apart = []
+    for k, (e, c) in enumerate(zip(bench.experiments, channels, strict=True)):
+        left = (c - e.recording.output[:, :, None]) / e.recording.scatter[:, :, None]
+        before = np.stack([own[k][:, :, -1] for own in columns], axis=2)
+        present = np.isfinite(e.recording.output)[:, :, None]
+        apart.append(np.square(left - before).sum(axis=(0, 1), where=present))
     return np.asarray(np.sqrt(np.sum(apart, axis=0)))
 
 
-def _grown(bench: Bench, problem: Problem, x: FloatArray, size: FloatArray, wanted: float) -> FloatArray:
-    """Return steps of parameters that move the readings by as much as is wanted; zero where none does."""
+def _grown(
+    bench: Bench, problem: Problem, x: FloatArray, size: FloatArray, columns: list[FloatArray], wanted: float
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return steps of parameters that move the readings by as much as is wanted, zero where none does, and columns."""
     size, most = size.copy(), _LARGEST * problem.scale
     while True:
-        (columns,) = simulated(bench, [problem], [Probed.around(problem, x, size)])
         slopes = np.sqrt(sum(np.square(c[:, :, :-1]).sum(axis=(0, 1)) for c in columns))
         short = (slopes * size < wanted) & (size > 0.0)
         if not short.any():
-            return size
+            return size, columns
         size[short & (size >= most)] = 0.0
         size[short] = np.minimum(_FACTOR * size, most)[short]
+        (columns,) = simulated(bench, [problem], [Probed.around(problem, x, size)])

@@ -197,9 +197,8 @@ def strayed(found: Fit) -> dict[str, float]:
     problem, model = found.problem, found.problem.model
     base = declared_base(model.base)
     inertial = set() if base is None else {x.name for x in base.equations.kinetic.free_symbols}
-    values = dict(zip(problem.free, found.minimum.x.tolist(), strict=False))
     guessed = {n: model.parameters[n] for n in problem.free if n not in problem.gaussian}
-    far = {n: values[n] / p.default for n, p in guessed.items() if p.physical}
+    far = {n: found.values[n] / p.default for n, p in guessed.items() if p.physical}
     return {n: x for n, x in far.items() if x > _STRAYED or (n in inertial and x * _STRAYED < 1.0)}
 
 

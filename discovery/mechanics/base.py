@@ -195,9 +195,14 @@ class Base(ABC):
         """Whether the instrument reads the one coordinate there is, and a force without a place pushes on that."""
         return self.reads_state
 
-    def drifts(self, effects: Iterable[Effect]) -> bool:
-        """Return whether a force pushes what is read, a position, and nothing pulls it back, with these effects."""
+    @property
+    def adrift(self) -> bool:
+        """Whether a force pushes what is read, a position, and nothing of the base pulls it back."""
         return False
+
+    def drifts(self, effects: Iterable[Effect]) -> bool:
+        """Return whether that is so with these effects, too."""
+        return self.adrift and not any(effect.kind == "potential" for effect in effects)
 
     def idle(self, q: NDArray, rate: NDArray, values: Mapping[str, float]) -> NDArray:
         """Return the input at which nothing pushes the body, in these states."""

@@ -242,10 +242,10 @@ class DeclaredBase(Base):
         """Return the declared output."""
         return (self._received(self.equations.output),)
 
-    def drifts(self, effects):
-        """Return whether a slow force meets no stiffness, of the system or of an effect, where a position is read."""
-        held = self._return or self.order or any(effect.kind == "potential" for effect in effects)
-        return not held and self.is_pushed and bool(self.gradient.any())
+    @property
+    def adrift(self) -> bool:
+        """Whether a slow force meets no stiffness where a position is read."""
+        return not (self.order or self._return) and self.is_pushed and bool(self.gradient.any())
 
     @property
     def starts(self) -> int:

@@ -99,9 +99,10 @@ class ForceDriven(OneCoordinate):
 
     g = Parameter("s^-2 q", "acceleration per unit of input", (-1e4, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
 
-    def drifts(self, effects):
-        """Return whether no effect is a potential, and the position is read."""
-        return self.reads_state and not any(effect.kind == "potential" for effect in effects)
+    @property
+    def adrift(self) -> bool:
+        """Whether the position is read."""
+        return self.reads_state
 
     def pull(self) -> sp.Expr:
         """Return g u."""

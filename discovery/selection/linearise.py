@@ -44,10 +44,8 @@ def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[
     if not refits:
         return []
     problems, points = [r.problem for r in refits], [r.minimum.x for r in refits]
-    sizes = clear_of_chatter(bench, problems, points, [_sizes(r) for r in refits])
-    probes = [Probed.around(*each) for each in zip(problems, points, sizes, strict=True)]
     with np.errstate(over="ignore", invalid="ignore"):
-        train = simulated(bench, problems, probes)
+        sizes, train = clear_of_chatter(bench, problems, points, [_sizes(r) for r in refits])
         held = [([], []) for _ in refits] if context.judge.continued else _on_held(context, bench, refits, sizes)
         return [_slopes(context, r, own, *other) for r, own, other in zip(refits, train, held, strict=True)]
 

@@ -212,10 +212,11 @@ class Search:
         if self._take(of_plain := _plain(pairs, 2)):
             return True
         # Effects hide each other: what is refused alone may be right beside another.
-        beside = [self.offers.beside(leading) for leading in (() if self.best.added else self._leading(plain))]
-        if any(self._take(_plain(each)) for each in beside) or self._take(pliable):
+        leading = [] if self.best.added else self._leading(plain)
+        if any(self._take(_plain(self.offers.beside(c))) for c in leading) or self._take(pliable):
             return True
-        return any(self._take(each) for each in (pairs if len(of_plain) < len(pairs) else [], *beside))
+        rest = (pairs if len(of_plain) < len(pairs) else [], *map(self.offers.beside, leading))
+        return any(map(self._take, rest))
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
         """Return the refused sets that gain in training, leave less and promise most: each may be half of a pair."""
