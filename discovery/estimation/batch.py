@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 
 import numpy as np
 
 from discovery.estimation.least_squares import Minimum, Request, levenberg_marquardt, minimise
 from discovery.estimation.problem import Problem, side_by_side
 from discovery.foundation.arrays import FloatArray
+from discovery.foundation.workers import in_threads
 from discovery.mechanics import get_base
+from discovery.simulation.simulate import THREADS
 
-#: Residuals that are whitened at once.
-_TOGETHER = 4e6
 #: A quick search may be slow at first: it is out only where it leaves so many times the excess of the best one.
 SLOW = 100.0
 #: Nobody gives up before so many steps,
@@ -73,20 +73,18 @@ def _answer_on(problems: Sequence[Problem]) -> Callable[[list[tuple[int, FloatAr
 
     def answer(wanted: list[tuple[int, FloatArray]]) -> list[FloatArray]:
         sets = side_by_side([problems[i] for i, _ in wanted], [x for _, x in wanted])
-        edges = np.cumsum([0, *[x.shape[1] for _, x in wanted]])
         data = problems[0].bench.residuals(*sets)
-        found = []
-        for j, (i, x) in enumerate(wanted):
-            prior = problems[i].prior_residuals(x)
-            # What a minimisation does with a trial it does with a whole column.
-            own = np.empty((len(data) + len(prior), x.shape[1]), order="F")
-            own[len(data) :] = prior
-            # A few columns of a long recording at a time: whitening takes several times their memory.
-            together = max(1, int(_TOGETHER / max(1, len(data))))
-            for first in range(0, x.shape[1], together):
-                some = slice(edges[j] + first, min(edges[j] + first + together, edges[j + 1]))
-                own[: len(data), first : first + together] = problems[i].whitened(data[:, some])
-            found.append(own)
+        columns = np.split(data, np.cumsum([x.shape[1] for _, x in wanted])[:-1], axis=1)
+        priors = [problems[i].prior_residuals(x) for i, x in wanted]
+        # What a minimisation does with a trial it does with a whole column.
+        found = [np.empty((len(data) + len(prior), prior.shape[1]), order="F") for prior in priors]
+
+        def whiten(waiting: Iterator[int]) -> None:
+            for j in waiting:
+                problems[wanted[j][0]].whiten(columns[j], found[j][: len(data)])
+                found[j][len(data) :] = priors[j]
+
+        in_threads(whiten, len(wanted), threads=THREADS)
         return found
 
     return answer

@@ -34,15 +34,19 @@ class ModelError:
 
 
 @compiled(nogil=True, error_model="numpy")
-def _filtered(time, columns, power, rate, out):
+def _filtered(time, present, columns, power, rate, out):
     n, k = columns.shape
     mean, slope = np.zeros(k), np.zeros(k)
     # Variance of the process, of its slope over the rate, and their covariance.
     own, both, steep = power, 0.0, power
-    logarithms = 0.0
+    logarithms, last = 0.0, -1
     for i in range(n):
-        if i > 0:
-            apart = (time[i] - time[i - 1]) * rate
+        if not present[i]:
+            out[i] = 0.0
+            continue
+        f, g, h = 1.0, 0.0, 1.0
+        if last >= 0:
+            apart = (time[i] - time[last]) * rate
             decay = np.exp(-apart)
             f, g, h = decay * (1.0 + apart), decay * apart, decay * (1.0 - apart)
             # What the stationary process keeps of its variance, less what the readings took from it.
@@ -50,32 +54,34 @@ def _filtered(time, columns, power, rate, out):
             own = power + f * f * x + 2.0 * f * g * y + g * g * z
             both = -f * g * x + (f * h - g * g) * y + g * h * z
             steep = power + g * g * x - 2.0 * g * h * y + h * h * z
-            for j in range(k):
-                before = mean[j]
-                mean[j] = f * before + g * slope[j]
-                slope[j] = -g * before + h * slope[j]
         total = own + 1.0
         gain, turn, scale = own / total, both / total, 1.0 / np.sqrt(total)
         for j in range(k):
-            off = columns[i, j] - mean[j]
+            before = f * mean[j] + g * slope[j]
+            off = columns[i, j] - before
             out[i, j] = off * scale
-            mean[j] += gain * off
-            slope[j] += turn * off
+            slope[j] = -g * mean[j] + h * slope[j] + turn * off
+            mean[j] = before + gain * off
         steep -= turn * both
         own, both = gain, turn
         logarithms += np.log(total)
+        last = i
     return logarithms
 
 
-def innovations(time: FloatArray, columns: FloatArray, error: ModelError) -> tuple[FloatArray, float]:
-    """Return columns made white, and the log determinant of their covariance.
+def whiten(time: FloatArray, present: BoolArray, columns: FloatArray, error: ModelError, out: FloatArray) -> float:
+    """Make columns white into `out`, and return the log determinant of their covariance.
 
-    `time` (n,): increasing times [s]. `columns` (n, k): residuals, or derivatives of them, in noise sds. `error`: size
-    and memory of the model error. What is returned has the shape (n, k).
+    `time` (n,): increasing times [s]. `present` (n,): which readings there are; `out` is zero at the others. `columns`
+    (n, k): residuals, or derivatives of them, in noise sds. `error`: size and memory of the model error. `out` (n, k).
     """
+    return float(_filtered(time, present, columns, error.size**2, 1.0 / error.memory, out))
+
+
+def innovations(time: FloatArray, columns: FloatArray, error: ModelError) -> tuple[FloatArray, float]:
+    """Return columns (n, k) made white, and the log determinant of their covariance; see `whiten`."""
     out = np.empty(columns.shape)
-    logarithms = _filtered(time, np.ascontiguousarray(columns), error.size**2, 1.0 / error.memory, out)
-    return out, float(logarithms)
+    return out, whiten(time, np.ones(time.size, bool), columns, error, out)
 
 
 @dataclass(frozen=True)

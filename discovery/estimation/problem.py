@@ -12,7 +12,7 @@ from discovery.declarations.parameters import Normal, Prior
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.model_error import ModelError, innovations
+from discovery.estimation.model_error import ModelError, whiten
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.start_values import StartValue, start_values
 from discovery.foundation.arrays import FloatArray, IntArray
@@ -173,15 +173,20 @@ class Problem:
         """Return residuals (n, k) of the bench made white under the model error; the same ones without it."""
         if self.error is None:
             return residuals
-        found = np.zeros_like(residuals)
-        for experiment, (rows, present) in zip(self.bench.experiments, self.bench.blocks(), strict=True):
-            own = residuals[rows].reshape(*present.shape, -1)
-            out = found[rows].reshape(own.shape)
-            time = experiment.fitted_part.recording.time
-            for c, here in enumerate(present.T):
-                out[here, c], _ = innovations(time[here], own[here, c], self.error)
-            found[rows] = out.reshape(-1, residuals.shape[1])
+        found = np.empty_like(residuals)
+        self.whiten(residuals, found)
         return found
+
+    def whiten(self, residuals: FloatArray, out: FloatArray) -> None:
+        """Write what `whitened` returns into `out` (n, k)."""
+        if self.error is None:
+            out[:] = residuals
+            return
+        for experiment, (rows, present) in zip(self.bench.experiments, self.bench.blocks(), strict=True):
+            time, channels = experiment.fitted_part.recording.time, present.shape[1]
+            for c in range(channels):
+                own = slice(rows.start + c, rows.stop, channels)
+                whiten(time, present[:, c], residuals[own], self.error, out[own])
 
     def named(self, x: FloatArray) -> dict[str, float]:
         """Return a free vector (m,) by name."""
