@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from discovery.declarations.effect import ARM, Effect
-from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Parameter, Student
+from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import catalogue
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
@@ -64,16 +64,8 @@ def _formula(text: str) -> str:
 
 
 def _prior(parameter: Parameter) -> str:
-    prior = parameter.prior
-    if isinstance(prior, Student):
-        return f"t, scale {prior.scale:g}"
-    if isinstance(prior, HalfStudent):
-        return f"half-t, scale {prior.scale:g}"
-    if isinstance(prior, Normal):
-        return f"normal, {prior.mean:g} ± {prior.sd:g}"
-    if isinstance(prior, LogNormal):
-        return f"log-normal, median {prior.median:g}, sd of the logarithm {prior.log_sd:g}"
-    return "flat"
+    law, *numbers = parameter.prior.summary().items()
+    return ", ".join([law[1], *(f"{name.replace('_', ' ')} {value:g}" for name, value in numbers)])
 
 
 def _bound(value: float) -> str:

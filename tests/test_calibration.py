@@ -22,7 +22,7 @@ from benchmarks.calibration.replicate import (
     placed,
     simulated,
 )
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal
+from discovery.declarations.priors import Flat, HalfStudent, LogNormal, Normal
 from discovery.equations.model import Model
 from discovery.estimation.importance import importance_sample
 from discovery.estimation.natural_units import NaturalUnits

@@ -11,7 +11,8 @@ from test_bench import arm
 
 from discovery.declarations.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
 from discovery.declarations.forces import SmoothForce
-from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent, LogNormal, Normal
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.symbols import delta, delta_dot, omega, rho, t, theta_m, v2, v_x, v_y, x
 from discovery.equations.model import Model

@@ -25,7 +25,7 @@ from driven_oscillator import (
 from folded import folded_t
 from scipy import special, stats
 
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, Normal
+from discovery.declarations.priors import Flat, HalfStudent, LogNormal, Normal
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
@@ -189,12 +189,12 @@ def test_priors_count_within_their_bounds_only(linear):
     }
     low, high = free.problem.bounds
     expected = sum(
-        math.log(np.diff(laws[type(prior)](prior).cdf([a / unit, b / unit]))[0])
-        for (prior, unit), a, b in zip(target.problem.priors, low, high, strict=True)
+        math.log(np.diff(laws[type(prior)](prior).cdf([a, b]))[0])
+        for prior, a, b in zip(target.problem.priors, low, high, strict=True)
     )
     assert log_prior_mass(target) == pytest.approx(expected, abs=1e-6)
     improper = dataclasses.replace(target)
-    improper.problem.__dict__["priors"] = ((Flat(), 1.0), *target.problem.priors[1:])
+    improper.problem.__dict__["priors"] = (Flat(), *target.problem.priors[1:])
     improper.problem.__dict__["bounds"] = (np.full(5, -np.inf), np.full(5, np.inf))
     with pytest.raises(InputError, match="flat without bounds"):
         log_evidence(improper, np.random.default_rng(1))

@@ -12,17 +12,8 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from discovery.declarations.effect import OSCILLATOR
-from discovery.declarations.parameters import (
-    Flat,
-    HalfStudent,
-    LogNormal,
-    LogUniform,
-    Normal,
-    Parameter,
-    Prior,
-    Student,
-    natural_scale,
-)
+from discovery.declarations.parameters import Parameter, natural_scale
+from discovery.declarations.priors import Flat, HalfStudent, LogNormal, LogUniform, Normal, Prior, Student
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model

@@ -11,8 +11,9 @@ import sympy as sp
 from test_export import with_stiffness
 
 from discovery.declarations.effect import Load, Memory
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
 from discovery.declarations.place import amplitudes
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import bend_dot, delta, delta_dot, t
 from discovery.estimation.physical import physical_parameters
 from discovery.export import FittedModel, from_json, to_c, to_json, to_latex, to_numpy, to_sympy_file

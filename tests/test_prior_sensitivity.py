@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform, Normal, Student
+from discovery.declarations.priors import Flat, HalfStudent, LogNormal, LogUniform, Normal, Student
 from discovery.posterior.priors import MarginalPrior, prior_effects
 
 EVERYWHERE = (-math.inf, math.inf)
@@ -32,18 +32,17 @@ EVERYWHERE = (-math.inf, math.inf)
     ],
 )
 def test_the_width_of_a_prior_within_its_bounds(prior, unit, bounds, sd) -> None:
-    assert MarginalPrior(prior, unit, bounds).sd == pytest.approx(sd, rel=1e-4)
+    assert MarginalPrior(prior.scaled(unit), bounds).sd == pytest.approx(sd, rel=1e-4)
 
 
 def test_nothing_is_believed_beyond_the_bounds() -> None:
-    prior = MarginalPrior(Normal(0.0, 1.0), 1.0, (0.0, 1.0))
+    prior = MarginalPrior(Normal(0.0, 1.0), (0.0, 1.0))
     assert np.array_equal(np.isfinite(prior.log_density([-0.1, 0.0, 1.0, 1.1])), [False, True, True, False])
 
 
 @pytest.mark.parametrize("prior", [Normal(0.5, 1.0), HalfStudent(0.7), LogNormal(0.8, 0.4)])
 def test_a_wider_prior_keeps_its_centre(prior) -> None:
-    wide = MarginalPrior(prior, 2.0, (0.0, 50.0)).widened(2.0)
-    before, after = MarginalPrior(prior, 2.0, (0.0, 50.0)).summary(), wide.summary()
+    before, after = prior.summary(), prior.widened(2.0).summary()
     assert before.pop("law") == after.pop("law")
     for key, value in before.items():
         assert after[key] == pytest.approx(value * (1.0 if key in ("mean", "median") else 2.0))
@@ -59,7 +58,7 @@ def _conjugate(prior_sd: float, reading: float, noise: float) -> tuple[float, fl
 def test_reweighted_draws_are_those_of_the_other_prior(reading: float, noise: float, seed: int) -> None:
     mean, sd = _conjugate(1.0, reading, noise)
     draws = {"a": np.random.default_rng(seed).normal(mean, sd, 200_000)}
-    (row,) = prior_effects(draws, {"a": MarginalPrior(Normal(0.0, 1.0), 1.0, EVERYWHERE)})
+    (row,) = prior_effects(draws, {"a": MarginalPrior(Normal(0.0, 1.0), EVERYWHERE)})
     assert row.contraction == pytest.approx(1 - sd**2, abs=0.01)
     for factor in (0.5, 2.0):
         other_mean, other_sd = _conjugate(factor, reading, noise)
@@ -70,9 +69,9 @@ def test_reweighted_draws_are_those_of_the_other_prior(reading: float, noise: fl
 def test_only_a_prior_that_matters_is_reported() -> None:
     rng = np.random.default_rng(4)
     priors = {
-        "loose": MarginalPrior(Normal(0.0, 100.0), 1.0, EVERYWHERE),
-        "tight": MarginalPrior(Normal(0.0, 1.0), 1.0, EVERYWHERE),
-        "flat": MarginalPrior(Flat(), 1.0, EVERYWHERE),
+        "loose": MarginalPrior(Normal(0.0, 100.0), EVERYWHERE),
+        "tight": MarginalPrior(Normal(0.0, 1.0), EVERYWHERE),
+        "flat": MarginalPrior(Flat(), EVERYWHERE),
     }
     mean, sd = _conjugate(1.0, 2.0, 1.0)
     draws = {name: rng.normal(mean, sd, 50_000) for name in priors}
@@ -83,6 +82,6 @@ def test_only_a_prior_that_matters_is_reported() -> None:
 
 def test_too_few_draws_that_count_are_no_answer() -> None:
     draws = {"a": np.random.default_rng(5).normal(8.0, 1.0, 5000)}
-    (row,) = prior_effects(draws, {"a": MarginalPrior(Normal(0.0, 1.0), 1.0, EVERYWHERE)})
+    (row,) = prior_effects(draws, {"a": MarginalPrior(Normal(0.0, 1.0), EVERYWHERE)})
     assert row.effective[0.5] * row.draws < 100
     assert row.sensitive

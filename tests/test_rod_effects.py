@@ -19,7 +19,8 @@ from test_mechanics import exact_drive
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Dissipation
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from discovery.declarations.parameters import HalfStudent, LogNormal, Normal, Prior
+from discovery.declarations.priors import Normal, Prior
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -25,7 +25,7 @@ from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.posterior.likelihood import NOISE_PRIOR, LogPosterior, log_posterior
 from discovery.posterior.noise import GAUSSIAN, noise_of
-from discovery.posterior.noise.model import Logistic, instruments, share_of
+from discovery.posterior.noise.model import instruments, share_of
 from discovery.recordings.experiment import Experiment
 
 FloatArray = NDArray[np.float64]
@@ -74,29 +74,18 @@ class Study:
 
 def drawn_from(prior: Prior, lower: float, upper: float, rng: Generator) -> float:
     """Draw from a prior within bounds."""
+    if not prior.is_proper:
+        raise TypeError(f"{prior} is no density to draw from")
     while True:
-        match prior:
-            case Normal():
-                value = rng.normal(prior.mean, prior.sd)
-            case HalfStudent():
-                value = prior.scale * abs(rng.standard_t(3))
-            case LogNormal():
-                value = prior.median * np.exp(rng.normal(0.0, prior.log_sd))
-            case Logistic():
-                value = rng.logistic()
-            case _:
-                raise TypeError(f"{prior} is no density to draw from")
+        value = float(prior.draws(rng, 1)[0])
         if lower <= value <= upper:
-            return float(value)
+            return value
 
 
 def drawn_truth(target: LogPosterior, rng: Generator) -> FloatArray:
     """Draw a sampled vector (d,) from the very priors of the posterior, but `NOISE` for the noise factors."""
     bounds = zip(*target.problem.bounds, strict=True)
-    free = [
-        unit * drawn_from(prior, low / unit, high / unit, rng)
-        for (prior, unit), (low, high) in zip(target.problem.priors, bounds, strict=True)
-    ]
+    free = [drawn_from(p, low, high, rng) for p, (low, high) in zip(target.problem.priors, bounds, strict=True)]
     shapes = [p.prior for model in target.models for p in model.parameters]
     others = [drawn_from(p, -np.inf, np.inf, rng) for p in [NOISE] * len(target.instruments) + shapes]
     return np.array([*free, *others])

@@ -7,7 +7,8 @@ from itertools import product
 import sympy as sp
 
 from discovery.declarations.effect import Load
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import delta, delta_dot, omega
 
 #: Highest power in position and rate together.

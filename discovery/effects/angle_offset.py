@@ -3,7 +3,8 @@
 import sympy as sp
 
 from discovery.declarations.effect import Sensor
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 
 
 class AngleOffset(Sensor):

@@ -3,7 +3,8 @@
 import sympy as sp
 
 from discovery.declarations.effect import Joint
-from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent, LogNormal
 from discovery.declarations.symbols import root
 
 

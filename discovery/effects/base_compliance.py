@@ -1,7 +1,8 @@
 """A clamp that gives way."""
 
 from discovery.declarations.effect import Shape
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 
 
 class BaseCompliance(Shape):

@@ -1,7 +1,8 @@
 """A camera whose origin is not the hub."""
 
 from discovery.declarations.effect import ARM, Sensor
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 
 
 class CameraOriginOffset(Sensor):

@@ -1,7 +1,8 @@
 """The part of the shortening radius that grows with the square of the tip's rate."""
 
 from discovery.declarations.effect import ARM, Load
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import delta, omega
 
 

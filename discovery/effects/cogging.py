@@ -4,7 +4,8 @@ import numpy as np
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, ROTOR, Potential
-from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import LogNormal, Normal
 from discovery.declarations.symbols import delta
 
 #: Periods in the angle that is travelled below which the torque imitates springs and gravity.

@@ -1,7 +1,8 @@
 """The rod's own mass under motor acceleration."""
 
 from discovery.declarations.effect import ARM, Kinetic
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import omega, omega_m
 
 

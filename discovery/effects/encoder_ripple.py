@@ -3,7 +3,8 @@
 import sympy as sp
 
 from discovery.declarations.effect import ARM, Drive
-from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import LogNormal, Normal
 from discovery.declarations.symbols import theta_m
 
 #: Cycles in one turn of the hub that the arm can follow.

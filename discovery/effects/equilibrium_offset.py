@@ -1,7 +1,8 @@
 """A spring whose rest position is not zero."""
 
 from discovery.declarations.effect import Potential
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import alpha, delta
 
 

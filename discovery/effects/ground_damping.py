@@ -1,7 +1,8 @@
 """What moves rubs against the ground, not against its base."""
 
 from discovery.declarations.effect import OSCILLATOR, SHAKEN, Dissipation
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import slope_dot
 
 

@@ -1,7 +1,8 @@
 """A rod that is bent before anything pulls on it."""
 
 from discovery.declarations.effect import Shape
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import arc
 
 

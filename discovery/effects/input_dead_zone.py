@@ -3,7 +3,8 @@
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Drive
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import u
 
 

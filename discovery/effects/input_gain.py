@@ -1,7 +1,8 @@
 """A recorded input whose scale is wrong."""
 
 from discovery.declarations.effect import ARM, Drive
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import theta_m
 
 

@@ -1,7 +1,8 @@
 """The linear spring."""
 
 from discovery.declarations.effect import Potential
-from discovery.declarations.parameters import LogNormal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import LogNormal
 from discovery.declarations.symbols import U
 
 

@@ -1,7 +1,8 @@
 """A material that hardens or softens as it bends."""
 
 from discovery.declarations.effect import ARM, Potential
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import U_4, alpha
 
 

@@ -1,7 +1,8 @@
 """A pull away from a place."""
 
 from discovery.declarations.effect import OSCILLATOR, ROTOR, Potential
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import delta
 
 

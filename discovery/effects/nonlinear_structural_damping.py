@@ -1,7 +1,8 @@
 """Damping inside the spring that grows with its deflection."""
 
 from discovery.declarations.effect import ARM, Dissipation
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import delta, delta_dot
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import sympy as sp
 
 from discovery.declarations.effect import Load
-from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import LogNormal, Normal
 from discovery.declarations.symbols import t, v_x, v_y, x, y
 
 #: Share of the system's own frequency within which a force imitates a change of a free decay. Frequencies change by as

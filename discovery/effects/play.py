@@ -3,7 +3,8 @@
 import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, SPRING, Load
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import LEAST, alpha, delta, delta_dot, xi
 
 _EDGE = sp.Float(0.05)  # of the half width, within which the contact is made

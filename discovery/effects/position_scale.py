@@ -1,7 +1,8 @@
 """An instrument whose scale is wrong."""
 
 from discovery.declarations.effect import Sensor
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 
 
 class PositionScale(Sensor):

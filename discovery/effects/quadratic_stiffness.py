@@ -1,7 +1,8 @@
 """Asymmetric spring."""
 
 from discovery.declarations.effect import Potential
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import delta
 
 

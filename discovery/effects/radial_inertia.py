@@ -1,7 +1,8 @@
 """The part of the shortening radius in the square of the deflection's rate."""
 
 from discovery.declarations.effect import ARM, Load
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import alpha_m, delta, delta_dot, omega
 
 

@@ -1,7 +1,8 @@
 """The next term of the static radius law."""
 
 from discovery.declarations.effect import ARM, Closure
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import delta
 
 

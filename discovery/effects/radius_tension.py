@@ -1,7 +1,8 @@
 """The part of the radius that the tension of the turning rod adds."""
 
 from discovery.declarations.effect import ARM, Closure
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import alpha, delta, omega
 
 

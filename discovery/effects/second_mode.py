@@ -3,7 +3,8 @@
 import sympy as sp
 
 from discovery.declarations.effect import Mode
-from discovery.declarations.parameters import LogNormal, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import LogNormal, Normal
 from discovery.declarations.symbols import push
 
 _Z, _RATE = sp.symbols("z_2 zd_2", real=True)

@@ -1,7 +1,8 @@
 """An instrument that is late."""
 
 from discovery.declarations.effect import Sensor
-from discovery.declarations.parameters import Parameter, Student
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Student
 
 
 class SensorDelay(Sensor):

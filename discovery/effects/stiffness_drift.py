@@ -1,7 +1,8 @@
 """A spring that changes during the recording."""
 
 from discovery.declarations.effect import Potential
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import U, alpha, t
 
 

@@ -1,7 +1,8 @@
 """Gravity in a plane that is not level."""
 
 from discovery.declarations.effect import ARM, Potential
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import length, x_g, y_g
 
 #: Standard gravity [m s^-2].

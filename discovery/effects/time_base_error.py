@@ -5,7 +5,8 @@ import math
 import sympy as sp
 
 from discovery.declarations.effect import Sensor
-from discovery.declarations.parameters import Flat, LogNormal, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Flat, LogNormal, Normal
 from discovery.declarations.symbols import t
 
 #: Least squares of a sharp sawtooth on the smooth one: Li_2(0.99) / Li_2(0.99^2).

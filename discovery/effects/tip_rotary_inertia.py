@@ -1,7 +1,8 @@
 """A tip that turns with the end of the rod."""
 
 from discovery.declarations.effect import ARM, Kinetic
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import slope_dot
 
 

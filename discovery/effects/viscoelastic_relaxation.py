@@ -3,7 +3,8 @@
 import sympy as sp
 
 from discovery.declarations.effect import Memory
-from discovery.declarations.parameters import HalfStudent, LogNormal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent, LogNormal
 from discovery.declarations.symbols import alpha, bend_dot
 
 _STRAIN = sp.Symbol("e_v", real=True)

@@ -1,7 +1,8 @@
 """Viscous friction."""
 
 from discovery.declarations.effect import Dissipation
-from discovery.declarations.parameters import HalfStudent, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent
 from discovery.declarations.symbols import v2
 
 

@@ -17,7 +17,6 @@ from scipy.linalg import block_diag
 from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf
 from scipy.optimize import lsq_linear
 
-from discovery.declarations.parameters import Flat, HalfStudent, LogNormal, LogUniform, Student
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
@@ -196,17 +195,15 @@ class Belief:
 def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequence[float]) -> Belief:
     """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
     log, width, centre = [], [], []
-    for name, value, (prior, scale) in zip(problem.free, x, problem.priors, strict=False):
+    for name, value, prior in zip(problem.free, x, problem.priors, strict=False):
         if name in problem.gaussian:
             mean, sd = problem.gaussian[name]
             log.append(-np.log(sd * np.sqrt(2 * np.pi)))
             width.append(sd)
             centre.append(mean - value)
             continue
-        own = _width(prior, value / scale) * scale
-        density = float(prior.log_density(value / scale)) - np.log(scale)
-        flat = isinstance(prior, Flat)
-        log.append(-np.log(own * np.sqrt(2 * np.pi)) if flat else max(density, -1e3))
+        own, density = prior.width_at(value), float(prior.log_density(value))
+        log.append(max(density, -1e3) if prior.is_proper else -np.log(own * np.sqrt(2 * np.pi)))
         width.append(own)
         centre.append(np.nan)
     sizes = [*(state.width for state in problem.states), *more]
@@ -220,14 +217,3 @@ def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequen
         np.append(high - x, np.full(len(more), np.inf)),
         np.append(at_bound, np.zeros(len(more), bool)),
     )
-
-
-def _width(prior: object, value: float) -> float:
-    """Return the width of a prior at a value [natural units]: that of a scale, or with a heavy tail, grows with it."""
-    if isinstance(prior, LogNormal):
-        return max(abs(value), 1e-3 * prior.median) * prior.log_sd
-    if isinstance(prior, LogUniform):
-        return abs(value) * prior.log_sd
-    if isinstance(prior, HalfStudent | Student):
-        return float(np.sqrt((3 * prior.scale**2 + value**2) / 4))
-    return float(prior.width)  # type: ignore[attr-defined]

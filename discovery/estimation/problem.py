@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from discovery.declarations.parameters import Normal, Prior
+from discovery.declarations.priors import Normal, Prior
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -112,17 +112,17 @@ class Problem:
         return (*self.model.free, *extra)
 
     @cached_property
-    def priors(self) -> tuple[tuple[Prior, float], ...]:
-        """Prior and its unit, in the problem's units, of every free number; a state may be up to the whole motion."""
+    def priors(self) -> tuple[Prior, ...]:
+        """Prior, in the problem's units, of every free number; a state may be up to the whole motion."""
         declared = {n: self.model.parameters[n] for n in self.free if n not in self.gaussian}
-        known: dict[str, tuple[Prior, float]] = {n: (Normal(*given), 1.0) for n, given in self.gaussian.items()}
-        known |= {n: (p.prior, self.units.scale(p)) for n, p in declared.items()}
-        return (*(known[n] for n in self.free), *((Normal(0.0, 1.0), state.width) for state in self.states))
+        known: dict[str, Prior] = {n: Normal(*given) for n, given in self.gaussian.items()}
+        known |= {n: p.prior.scaled(self.units.scale(p)) for n, p in declared.items()}
+        return (*(known[n] for n in self.free), *(Normal(0.0, state.width) for state in self.states))
 
     @cached_property
     def scale(self) -> FloatArray:
         """Typical size of every free number."""
-        sizes = [prior.width * unit for prior, unit in self.priors[: len(self.free)]]
+        sizes = [prior.width for prior in self.priors[: len(self.free)]]
         return np.array([*sizes, *(state.scale for state in self.states)])
 
     @cached_property

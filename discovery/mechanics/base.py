@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, ClassVar
 from numpy.typing import NDArray
 
 from discovery.declarations.effect import ARM, ROTOR, SPRING, Effect
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.declarations.system import System
 from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, in_coordinate

@@ -8,7 +8,8 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import SHAKEN
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.mechanics.base import Channel
 from discovery.mechanics.one_coordinate import OneCoordinate
 from discovery.mechanics.rod import STRAIGHT

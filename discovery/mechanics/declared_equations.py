@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from discovery.declarations import symbols as s
 from discovery.declarations.formula import Quantity, read_formula, unit_words
-from discovery.declarations.parameters import Flat, LogUniform, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Flat, LogUniform, Normal
 from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.foundation.errors import InputError
 

@@ -12,7 +12,8 @@ import sympy as sp
 from scipy.linalg import eigh
 
 from discovery.declarations import symbols as s
-from discovery.declarations.parameters import HalfStudent, Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import HalfStudent, Normal
 from discovery.mechanics.base import RADIUS_LAWS, SHORTENING_RADIUS, ArmBase, Mechanics, RodEnd
 from discovery.mechanics.elastica_motion import Derivation
 from discovery.mechanics.rod import STRAIGHT, Rod

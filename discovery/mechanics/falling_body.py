@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from discovery.declarations.effect import WEIGHT
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.mechanics.one_coordinate import OneCoordinate
 
 

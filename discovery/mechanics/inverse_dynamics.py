@@ -6,7 +6,8 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ROTOR
-from discovery.declarations.parameters import LogNormal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import LogNormal
 from discovery.mechanics.one_coordinate import OneCoordinate
 
 

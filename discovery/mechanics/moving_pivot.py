@@ -5,7 +5,8 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.mechanics.one_coordinate import OneCoordinate
 
 

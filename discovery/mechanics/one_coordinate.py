@@ -9,7 +9,8 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import OSCILLATOR
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.mechanics.base import Base, Channel, Mechanics
 from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sympy as sp
 
 from discovery.declarations import symbols as s
-from discovery.declarations.parameters import Normal, Parameter
+from discovery.declarations.parameters import Parameter
+from discovery.declarations.priors import Normal
 from discovery.mechanics.base import RADIUS_LAWS, ROOT_JOINTS, SHORTENING_RADIUS, ArmBase, Mechanics
 from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT, Rod

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from discovery.declarations.parameters import Normal
+from discovery.declarations.priors import Normal
 from discovery.estimation.fit import Fit
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
@@ -121,10 +121,8 @@ class LogPosterior:
         """Return the log prior density of sampled vectors (k, d), minus infinity outside the bounds."""
         p = len(self.problem.names)
         total = np.zeros(len(vectors))
-        for column, (prior, unit) in zip(vectors.T[:p], self.problem.priors, strict=True):
-            total += prior.log_density(column / unit) - math.log(unit)
         noise = [NOISE_PRIOR] * len(self.instruments) + [parameter.prior for _, parameter in self._extra]
-        for prior, column in zip(noise, vectors.T[p:], strict=True):
+        for prior, column in zip([*self.problem.priors, *noise], vectors.T, strict=True):
             total += prior.log_density(column)
         lower, upper = self.problem.bounds
         inside = ((vectors[:, :p] >= lower) & (vectors[:, :p] <= upper)).all(axis=1)
@@ -196,7 +194,7 @@ def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     problem = fit.problem
     parts = instruments(problem.bench.experiments)
     models = noise_of(noise, problem, parts)
-    widths = np.array([prior.width * unit for prior, unit in problem.priors])
+    widths = np.array([prior.width for prior in problem.priors])
     if models:
         centre, covariance = refined_start(fit, models, widths, NOISE_PRIOR)
         whitened = settled(lambda c, f: LogPosterior(problem, parts, c, f, models), centre, cholesky(covariance))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from discovery.declarations.parameters import Prior
+from discovery.declarations.priors import Prior
 from discovery.estimation.importance import Weighted, importance_sample
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
@@ -75,8 +75,8 @@ def log_prior_mass(target: LogPosterior) -> float:
     """Return the logarithm of the part of the priors that lies within the bounds; each must be a density."""
     lower, upper = target.problem.bounds
     return sum(
-        _log_mass(prior, a / unit, b / unit)
-        for (prior, unit), a, b in zip(target.problem.priors, lower.tolist(), upper.tolist(), strict=True)
+        _log_mass(prior, a, b)
+        for prior, a, b in zip(target.problem.priors, lower.tolist(), upper.tolist(), strict=True)
     )
 
 

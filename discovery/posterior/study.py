@@ -88,7 +88,7 @@ class PosteriorStudy:
     def _prior_row(self, row: PriorEffect) -> dict[str, Any]:
         return {
             "name": row.name,
-            **self.priors[row.name].summary(),
+            **self.priors[row.name].prior.summary(),
             "prior_sd": row.prior_sd if np.isfinite(row.prior_sd) else None,
             "contraction": row.contraction,
             "widths": [

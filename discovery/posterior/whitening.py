@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from discovery.declarations.parameters import Prior
+from discovery.declarations.priors import Prior
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from discovery.declarations.parameters import Normal
+from discovery.declarations.priors import Normal
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.sampling import median_step

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from discovery.declarations.parameters import Prior
+from discovery.declarations.priors import Prior
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.recordings.experiment import Experiment
@@ -70,8 +71,10 @@ def instruments(experiments: Sequence[Experiment]) -> tuple[Instrument, ...]:
 
 
 @dataclass(frozen=True)
-class Logistic:
+class Logistic(Prior):
     """Prior of log(s/(1 - s)) for a share s that is uniform between zero and one."""
+
+    law = "logistic"
 
     def log_density(self, x: ArrayLike) -> FloatArray:
         """Return the standard logistic log density."""
@@ -82,6 +85,10 @@ class Logistic:
     def width(self) -> float:
         """The standard deviation."""
         return float(np.pi / np.sqrt(3))
+
+    def draws(self, rng: Generator, count: int) -> FloatArray:
+        """Return independent draws."""
+        return rng.logistic(size=count)
 
 
 @dataclass(frozen=True)

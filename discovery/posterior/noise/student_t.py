@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import gammaln
 
-from discovery.declarations.parameters import Normal
+from discovery.declarations.priors import Normal
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.compiled_function import compiled
