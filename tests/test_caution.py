@@ -13,15 +13,17 @@ import pytest
 from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, acausal, at_edges, missed, strayed_constant
+from discovery.diagnosis.caution import Caution, acausal, missed
+from discovery.diagnosis.edges import at_edges, held_sign, strayed_constant
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.natural_units import natural_units
 from discovery.recordings.dataset import load_dataset
-from discovery.report.doubt_sentences import caution_sentence
+from discovery.report.doubt_sentences import caution_sentence, contradiction_sentences
 from discovery.report.sentences import decision_sentence
+from discovery.runs.loop import close_loop
 
 
 @pytest.fixture(scope="module")
@@ -231,3 +233,65 @@ def test_a_miss_names_the_undetermined_parameter_that_it_hangs_on(tmp_path: Path
     assert "Hold out whole recordings (--holdout), or state loss: what was refused" in words
     # What training tells is not in doubt, wherever the held-out error comes from.
     assert found(130) == found(130, drag=1.0) == off
+
+
+SEEN = """
+name = "seen from the side"
+[system]
+coordinates = {{ x = "m" }}
+kinetic = "mass*dot(x)^2/2"
+potential = "spring*x^2/2"
+dissipation = "loss*dot(x)^2/2"
+output = "x + place"
+places = {{ body = "x" }}
+[system.constants]
+mass = {{ {mass}, unit = "kg" }}
+spring = {{ value = 40.0, unit = "N/m" }}
+loss = {{ guess = 0.3, unit = "N s/m" }}
+place = {{ guess = {place}, unit = "m" }}
+[columns]
+time = {{ name = "t", unit = "s" }}
+output = {{ name = "y", unit = "m", noise = 1e-3 }}
+"""
+
+
+def seen(folder: Path, *, mass: str = "value = 1.0", place: float = 0.02) -> Path:
+    """Write a rig file beside a free swing in closed form, of a mass of 1 kg seen 0.02 m off; return its path."""
+    time, decay = np.arange(0.0, 12.0, 0.02), 0.2
+    swing = 0.1 * np.exp(-decay * time) * np.cos(np.sqrt(40.0 - decay**2) * time) + 0.02
+    swing += 1e-3 * np.random.default_rng(3).standard_normal(time.size)
+    np.savetxt(folder / "a.csv", np.column_stack([time, swing]), delimiter=",", header="t,y", comments="")
+    (folder / "rig.toml").write_text(SEEN.format(mass=mass, place=place))
+    return folder / "rig.toml"
+
+
+@pytest.mark.parametrize(("guess", "doubted"), [(0.01, False), (-0.01, True)])
+def test_a_constant_that_its_guess_holds_on_the_wrong_side_of_zero_is_doubted(
+    tmp_path: Path, guess: float, doubted: bool
+) -> None:
+    data = load_dataset(seen(tmp_path, place=guess), [tmp_path / "a.csv"])
+    found = held_sign(first_fit(data.train, natural_units(data.train)))
+    assert (found is not None) == doubted
+    if found is not None:
+        assert "place of the declared model ends at zero" in (words := caution_sentence(found.summary()))
+        assert "Give place a guess of 0.01 m" in words
+
+
+@pytest.mark.parametrize("sd", [0.02, 0.002])
+def test_recordings_overrule_a_constant_that_is_stated_wrong_and_no_effect_is_named_for_it(
+    tmp_path: Path, sd: float
+) -> None:
+    """However sure the rig file is: its mass is 1.3 kg where the swing is that of 1 kg."""
+    stated = f"value = 1.3, sd = {sd}"
+    found = close_loop(load_dataset(seen(tmp_path, mass=stated), [tmp_path / "a.csv"])).summary()
+    assert (found["verdict"], found["effects"]) == ("nothing_missing", [])
+    (told,) = contradiction_sentences(found["contradiction"])
+    assert float(told.split()[2]) == pytest.approx(1.0, abs=0.002)
+    assert "contradicts what the rig file states, 1.300" in told
+    assert told.endswith("the recordings overrule it. Is the rig file right?")
+
+
+def test_a_constant_that_is_stated_right_is_left_alone(tmp_path: Path) -> None:
+    found = close_loop(load_dataset(seen(tmp_path, mass="value = 1.0, sd = 0.02"), [tmp_path / "a.csv"])).summary()
+    assert found["verdict"] == "nothing_missing"
+    assert contradiction_sentences(found["contradiction"]) == []

@@ -6,7 +6,7 @@ Sentences are made from them in one place, `discovery.report.doubt_sentences`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -14,7 +14,6 @@ import numpy as np
 
 from discovery.declarations.effect import Sensor
 from discovery.declarations.registry import catalogue, get_effect
-from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
 from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
@@ -29,8 +28,6 @@ SCATTERED = 1.5
 #: Times the training error, a hold-out that is missed by a model which leaves an error there, too.
 _ELSEWHERE = 5.0
 _AHEAD = 2.0  # standard deviations by which an output moves before its input
-#: Part of its range within which a value lies at an edge.
-_EDGE = 1e-3
 #: Such a part of what is left of a recording is a burst where it lies within such a share of it.
 _SHORT = {0.5: 0.1, 0.25: 0.01}
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
@@ -51,6 +48,7 @@ class Caution:
     """One reason not to believe an answer."""
 
     #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far from its guess),
+    #: "held_sign" (a constant of the declared model that ends at zero and would go beyond),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "burst" (where it lies in time), "like_noise" (of the instrument), "not_carried", "scattered", "quiet".
     code: str
@@ -73,41 +71,6 @@ class Caution:
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
         return asdict(self)
-
-
-def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
-    """Return the parameters of a fit at an edge that is no zero: their range ends there, not physics.
-
-    What the rig states or guesses, or a law holds by convention, is left out.
-    """
-    problem = fitted.problem
-    owner = {p.name: e for e in {*added}.intersection(problem.model.effects) for p in get_effect(e).parameters()}
-    found = []
-    for name, value, low, high in zip(problem.free, fitted.minimum.x, *problem.bounds, strict=False):
-        parameter = problem.model.parameters[name]
-        near = _EDGE * (high - low)
-        # Of a range on one side of zero the end that is nearer to it is where the quantity is absent. A shape, as a
-        # width, is not absent at an end that is no zero, and its range spans decades.
-        lowest = low + (min(near, _EDGE * abs(low)) if parameter.shape else near)
-        ends = low < 0 or (parameter.shape and low > 0)
-        at_edge = (high > 0 and value >= high - near) or (ends and value <= lowest)
-        left_out = name in problem.gaussian or parameter.physical
-        if left_out or not np.isfinite(near) or not at_edge:
-            continue
-        numbers = {"value": float(value), "unit": fitted.told(name)["unit"]}
-        found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
-    return found
-
-
-def strayed_constant(fitted: Fit) -> Caution | None:
-    """Return the constant of a declared system that ends farthest from its guess; None where none is far from it."""
-    far = strayed(fitted)
-    if not far:
-        return None
-    name, *others = sorted(far, key=lambda n: -abs(math.log(far[n])))
-    guess, unit = fitted.model.parameters[name].default, fitted.told(name)["unit"]
-    numbers = {"value": fitted.values[name], "guess": guess, "unit": unit, "others": others}
-    return Caution("strayed", name, numbers=numbers)
 
 
 def acausal(fitted: Fit) -> Caution | None:

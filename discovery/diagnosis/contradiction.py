@@ -10,7 +10,10 @@ Analysis 1 (2006) 893). Tested are
 
 * alpha of an exact arm against :math:`3EI / (m_\mathrm{eff} l^3)` of the rig, see `discovery.theory.prediction`;
 * the rod's mass ratio mu and, where it is free, the length against what the rig states;
-* the pull of gravity on a pendulum against its length.
+* the pull of gravity on a pendulum against its length;
+* constants of a declared system that are stated with a standard deviation, against it. There the search has weighed
+  already whether an effect is likelier than an error of the rig file: its priors have tails, see
+  `discovery.declarations.priors.Stated`.
 """
 
 from __future__ import annotations
@@ -113,7 +116,10 @@ def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
         spread = math.hypot(rig.beam_mass.sd / rig.beam_mass.value, rig.tip_mass.sd / rig.tip_mass.value)
         ratio = rig.beam_mass.value / rig.tip_mass.value
         stated["mu"] = (ratio, ratio * spread, "the rig's masses")
-    if rig.length is not None:
+    if rig.system is not None:
+        constants = {n: (c.value, c.sd) for n, c in rig.system.constants.items() if c.sd is not None}
+        stated = {n: (*own, "what the rig file states") for n, own in constants.items()}
+    elif rig.length is not None:
         stated["length"] = (rig.length.value, rig.length.sd, "the rig's length")
     found = []
     for name, (mean, sd, source) in stated.items():
@@ -123,7 +129,7 @@ def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
         if name in freed.reasons:
             continue
         value, spread = freed.values[name], freed.sd[name]
-        if abs(value - mean) > math.hypot(spread, sd):
+        if fit.model.mechanics.system.has_rod and abs(value - mean) > math.hypot(spread, sd):
             spread = _spread_by_ratio(fit, freed, name, (mean, sd))
         found.append((_check(name, fit.model.parameters[name].unit, (value, spread), (mean, sd), source), freed))
     return found
@@ -184,6 +190,7 @@ class Contradiction:
     check: Check
     tried: tuple[Reconciliation, ...]
     sought: bool = True
+    overruled: bool = False  # whether the fit went by the recordings and not by the rig file
 
     @property
     def reconciling(self) -> tuple[str, ...]:
@@ -215,6 +222,7 @@ class ContradictionReport:
                     "reconciling": list(c.reconciling),
                     "tried": [r.summary() for r in c.tried],
                     "sought": c.sought,
+                    "overruled": c.overruled,
                 }
                 for c in self.contradictions
             ],
@@ -231,22 +239,25 @@ def check_contradictions(
 ) -> ContradictionReport:
     """Test a fit against the rig, and look for effects that reconcile what contradicts.
 
-    `fit`: the final one of an arm, or of a pendulum whose length the rig states; of any other system nothing is
-    predicted. Its bench should hold the candidates, or another kernel is compiled. `rng`: source of the draws of the
-    rig's quantities. `candidates`: effects that may reconcile, none to look for none; by default all that could be
-    missing. `bench`: quicker mechanics, on which effects are tried where the fit is no worse on them; by default those
-    of the fit.
+    `fit`: the final one of an arm, of a pendulum whose length the rig states, or of a declared system; of any other
+    nothing is predicted. Its bench should hold the candidates, or another kernel is compiled. `rng`: source of the
+    draws of the rig's quantities. `candidates`: effects that may reconcile, none to look for none; by default all that
+    could be missing. `bench`: quicker mechanics, on which effects are tried where the fit is no worse on them; by
+    default those of the fit.
     """
     experiments = fit.problem.bench.experiments
-    arm = experiments[0].system.has_rod
+    arm, declared = experiments[0].system.has_rod, experiments[0].rig.system is not None
     if candidates is None:
         candidates = possible(fit.model, experiments[0].coordinate_unit)
-    found = [*against_rig(fit), *against_stiffness(fit, rng)] if arm else [(c, fit) for c in against_length(fit)]
+    found = [*against_rig(fit), *(against_stiffness(fit, rng) if arm else [(c, fit) for c in against_length(fit)])]
     contradictions = []
     for check, freed in found:
         if not check.odds > context.settings.nats:
             continue
         name, target = check.parameter, (check.predicted, check.predicted_sd)
+        if declared:
+            contradictions.append(Contradiction(check, (), sought=False, overruled=True))
+            continue
         if arm:
             freed = _quicker(freed, bench, name, target[0], context)
         else:

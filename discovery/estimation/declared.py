@@ -46,7 +46,7 @@ _STRAYED = 10.0
 def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
     """Return mean and sd of what may move: stated constants, or the mass and slight damping of an exact arm.
 
-    It is fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
+    It is fitted with this prior, of an arm bounded at three standard deviations, so that it cannot swallow an effect.
     """
     rig = experiment.rig
     if rig.system is not None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.declarations import symbols as s
 from discovery.declarations.formula import Quantity, read_formula, unit_words
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Flat, LogUniform, Normal
+from discovery.declarations.priors import Flat, LogUniform, Normal, Prior, Stated
 from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.foundation.errors import InputError
 
@@ -98,13 +98,14 @@ def constant_parameter(name: str, constant: Constant) -> Parameter:
     """Return the parameter that a constant is, in SI units: known, free, or known within an uncertainty."""
     size = abs(constant.value)
     bounds = (-np.inf, np.inf)
-    prior: Flat | LogUniform | Normal = Flat(size)
+    prior: Prior = Flat(size)
     if constant.free:
         prior = LogUniform(size, _FARTHEST)
+    elif constant.sd is not None:
+        prior = Stated(constant.value, constant.sd)
+    if size and prior.is_proper:
         near, far = constant.value / _FARTHEST, constant.value * _FARTHEST
         bounds = (min(near, far), max(near, far))
-    elif constant.sd is not None:
-        prior = Normal(constant.value, constant.sd)
     return Parameter(
         constant.unit, name.replace("_", " "), bounds, prior, default=constant.value, starts=(constant.value,),
         fixed=not constant.free, physical=True, name=name,

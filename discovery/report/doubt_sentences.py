@@ -36,6 +36,15 @@ def _strayed(found: Record) -> str:
     )
 
 
+def _held_sign(found: Record) -> str:
+    name, other = found["about"], quoted(-found["numbers"]["guess"], found["numbers"]["unit"])
+    return (
+        f"{name} of the declared model ends at zero: a constant keeps the sign of its guess, and the recordings ask "
+        f"for the other one. Give {name} a guess of {other}, or check the signs of the declared equations; added "
+        "effects may make up for it"
+    )
+
+
 def _acausal(found: Record) -> str:
     ahead, sd = (quoted(found["numbers"][n], "s") for n in ("ahead", "sd"))
     return (
@@ -127,6 +136,7 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         "faster motions"
     ),
     "strayed": _strayed,
+    "held_sign": _held_sign,
     "acausal": _acausal,
     "effect_edge": lambda found: (
         f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
@@ -195,6 +205,8 @@ def _contradiction(found: Record, check: Record) -> str:
         f"{check['source']}, {estimate_text(check['predicted'], check['predicted_sd'])} "
         f"({figures(abs(check['z']), 2)} standard deviations apart); "
     )
+    if found["overruled"]:
+        return head + "the recordings overrule it. Is the rig file right?"
     if not found["sought"]:
         return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
     if not found["reconciling"]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from discovery.declarations.registry import get_effect
 from discovery.declarations.units import quoted
-from discovery.diagnosis import caution
+from discovery.diagnosis import caution, edges
 from discovery.diagnosis.caution import Caution, StandIn
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
@@ -147,7 +147,8 @@ class LoopResult(LoopViews):
         error = self.model_error
         off = caution.missed(self.errors, left=error.after, held=error.held, least=error.least)
         off = hung_on(off, self.after) if off else off
-        found = [None if self.impossible else off, caution.strayed_constant(self.after), caution.acausal(self.after)]
+        found = [None if self.impossible else off, edges.strayed_constant(self.after), caution.acausal(self.after)]
+        found.append(edges.held_sign(self.before))
         if self.added:
             found.append(caution.not_carried(self.errors))
         if not self.complete and not self.impossible:
@@ -160,7 +161,7 @@ class LoopResult(LoopViews):
             for judge in (caution.scattered, caution.quiet):
                 told = (judge(self.errors, self._left(trained=t), trained=t) for t in (False, True))
                 found.append(next((c for c in told if c is not None), None))
-        return [*caution.at_edges(self.after, self.added), *(c for c in found if c is not None)]
+        return [*edges.at_edges(self.after, self.added), *(c for c in found if c is not None)]
 
     def _left(self, *, trained: bool) -> list[tuple[Recording, FloatArray]]:
         """Return the recordings that judge, or were fitted, and what the final model leaves: NaN in the other part."""

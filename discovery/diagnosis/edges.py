@@ -1,0 +1,76 @@
+"""Values of a fit that end where they may not be believed: at the edge of their range, or far from their guess."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from discovery.declarations.registry import get_effect
+from discovery.diagnosis.caution import Caution
+from discovery.estimation.declared import strayed
+from discovery.estimation.fit import Fit
+
+#: Part of its range within which a value lies at an edge.
+_EDGE = 1e-3
+#: Standard deviations by which a constant would go beyond zero.
+_BEYOND = 3.0
+
+
+def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
+    """Return the parameters of a fit at an edge that is no zero: their range ends there, not physics.
+
+    What the rig states or guesses, or a law holds by convention, is left out.
+    """
+    problem = fitted.problem
+    owner = {p.name: e for e in {*added}.intersection(problem.model.effects) for p in get_effect(e).parameters()}
+    found = []
+    for name, value, low, high in zip(problem.free, fitted.minimum.x, *problem.bounds, strict=False):
+        parameter = problem.model.parameters[name]
+        near = _EDGE * (high - low)
+        # Of a range on one side of zero the end that is nearer to it is where the quantity is absent. A shape, as a
+        # width, is not absent at an end that is no zero, and its range spans decades.
+        lowest = low + (min(near, _EDGE * abs(low)) if parameter.shape else near)
+        ends = low < 0 or (parameter.shape and low > 0)
+        at_edge = (high > 0 and value >= high - near) or (ends and value <= lowest)
+        left_out = name in problem.gaussian or parameter.physical
+        if left_out or not np.isfinite(near) or not at_edge:
+            continue
+        numbers = {"value": float(value), "unit": fitted.told(name)["unit"]}
+        found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
+    return found
+
+
+def strayed_constant(fitted: Fit) -> Caution | None:
+    """Return the constant of a declared system that ends farthest from its guess; None where none is far from it."""
+    far = strayed(fitted)
+    if not far:
+        return None
+    name, *others = sorted(far, key=lambda n: -abs(math.log(far[n])))
+    guess, unit = fitted.model.parameters[name].default, fitted.told(name)["unit"]
+    numbers = {"value": fitted.values[name], "guess": guess, "unit": unit, "others": others}
+    return Caution("strayed", name, numbers=numbers)
+
+
+def held_sign(declared: Fit) -> Caution | None:
+    """Return the constant that the sign of its guess holds at zero; None where the readings do not ask for the other.
+
+    They ask by the standard deviations by which it would go beyond, to first order, where readings scatter as much as
+    what is left. `declared`: the model without what was added.
+    """
+    problem, found = declared.problem, declared.minimum
+    scatter, most, named = math.sqrt(max(1.0, declared.reduced_chi2)), _BEYOND, None
+    others = found.jacobian[:, ~found.at_bound]
+    for name, value, slope, stopped in zip(problem.free, found.x, found.jacobian.T, found.at_bound, strict=False):
+        parameter = problem.model.parameters[name]
+        if not (stopped and parameter.physical and abs(value) < abs(parameter.default)):
+            continue
+        alone = slope - others @ np.linalg.lstsq(others, slope, rcond=None)[0]
+        beyond = float(slope @ found.residual) * np.sign(value) / max(scatter * float(np.linalg.norm(alone)), 1e-300)
+        if beyond > most:
+            most, named = beyond, name
+    if named is None:
+        return None
+    numbers = {"guess": problem.model.parameters[named].default, "unit": declared.told(named)["unit"]}
+    return Caution("held_sign", named, numbers=numbers)
