@@ -9,8 +9,9 @@ import pytest
 
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
+from discovery.estimation.declared import declared_model
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.parts import turns_back
+from discovery.recordings.parts import spins, turns_back
 
 RIG = """
 name = "sledge"
@@ -46,6 +47,27 @@ def test_laws_of_memory_are_sought_where_the_motion_turns_back_twice(tmp_path: P
     np.savetxt(tmp_path / "a.csv", np.column_stack([TIME, read]), delimiter=",", header="t,read", comments="")
     (tmp_path / "rig.toml").write_text(RIG.format(output=output, unit="m" if output == "x" else "m/s"))
     assert turns_back(load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train) is turns
+
+
+@pytest.mark.parametrize("output", ["x", "dot(x)"])
+@pytest.mark.parametrize(("name", "goes_on"), [("on and on", True), ("there and back", False), ("to and fro", False)])
+def test_a_shaft_that_goes_on_through_full_turns_has_no_place_of_rest(
+    tmp_path: Path, output: str, name: str, *, goes_on: bool
+) -> None:
+    way = 20.0 * WAYS[name][0]
+    read = way if output == "x" else np.gradient(way, TIME)
+    read = read + 0.01 * np.random.default_rng(2).standard_normal(TIME.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([TIME, read]), delimiter=",", header="t,read", comments="")
+    rig = RIG.format(output=output, unit="rad" if output == "x" else "rad/s").replace("N s/m", "N m s")
+    rig = rig.replace('x = "m"', 'x = "rad"').replace('"kg"', '"kg m^2"')
+    (tmp_path / "rig.toml").write_text(rig)
+    train = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train
+    assert spins(train) is goes_on
+    found = {*candidates(declared_model(train[0]), train[0].coordinate_unit, spins=goes_on)}
+    springs = {e for e in found if e.startswith(("linear_stiffness", "negative_stiffness"))}
+    assert bool(springs) is not goes_on
+    # What is the same in each turn is shown by it.
+    assert any(e.startswith("cogging") for e in found)
 
 
 def test_without_reversals_no_law_of_memory_is_missing() -> None:

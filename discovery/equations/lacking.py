@@ -16,27 +16,41 @@ _WHOLE = ("drive", "sensor")
 
 
 def candidates(
-    model: Model, unit: str = "rad", declared: Collection[str] | None = None, *, turns: bool = True
+    model: Model,
+    unit: str = "rad",
+    declared: Collection[str] | None = None,
+    *,
+    turns: bool = True,
+    spins: bool = False,
 ) -> tuple[str, ...]:
     """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
 
     `unit`: unit of an oscillator's coordinate: laws of an angle ask for radians. `declared`: effects of the model that
     its rig file declares, which say whether anything ties the coordinate; all otherwise. `turns`: whether the recorded
-    motion turns back, which laws of memory ask for.
+    motion turns back, which laws of memory ask for. `spins`: whether it goes on and on through full turns, which no
+    law of the place does but one that is the same in each of them.
     """
-    acting = _at_places(model) if model.mechanics.places() else _on_the_coordinate(model, unit, declared)
-    return tuple(e for e in acting if turns or not get_effect(e).remembers)
+    placed_at = model.mechanics.places()
+    acting = _at_places(model) if placed_at else _on_the_coordinate(model, unit, declared)
+
+    def is_shown(name: str) -> bool:
+        effect = get_effect(name)
+        turning = (placed_at[effect.place].unit if effect.place else unit) in ("rad", "1")
+        held = effect.kind == "potential" and not effect.angular
+        return (turns or not effect.remembers) and not (spins and turning and held)
+
+    return tuple(filter(is_shown, acting))
 
 
 def eventual_candidates(
-    model: Model, unit: str = "rad", declared: Collection[str] | None = None, *, turns: bool = True
+    model: Model, unit: str = "rad", declared: Collection[str] | None = None, **motion: bool
 ) -> tuple[str, ...]:
     """Return the candidates, and those that could be missing once one of them ties the body to a place."""
     models = [
         model,
-        *(model.with_effect(e) for e in candidates(model, unit, declared, turns=turns) if get_effect(e).ties),
+        *(model.with_effect(e) for e in candidates(model, unit, declared, **motion) if get_effect(e).ties),
     ]
-    return tuple(dict.fromkeys(e for m in models for e in candidates(m, unit, declared, turns=turns)))
+    return tuple(dict.fromkeys(e for m in models for e in candidates(m, unit, declared, **motion)))
 
 
 def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None) -> tuple[str, ...]:

@@ -23,6 +23,8 @@ from discovery.foundation.arrays import FloatArray
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Times as sure of its parameters as its intervals say, a set predicts by its estimate alone.
 _SURE = 1e8
+#: Standard deviations of the score of noise by which a prediction may fall short of it.
+_ALLOWED = 3.0
 #: Smallest size of a model error that is told from none [noise sds]; factor between the first sizes that are tried.
 _LEAST, _FACTOR = 0.02, 4.0
 
@@ -94,6 +96,12 @@ class Evidence:
     def joint(self) -> float:
         """Log evidence of all recordings [nats]."""
         return self.train + self.held
+
+    @property
+    def misses(self) -> bool:
+        """Whether the estimate predicts what is held out less well than noise of the size of training would allow."""
+        n = self.count_held
+        return -0.5 * n * (_LOG_2PI + 1 + 2 * np.log(self.white)) - self.ahead > _ALLOWED * np.sqrt(0.5 * n)
 
     @classmethod
     def none(cls) -> Evidence:

@@ -192,13 +192,25 @@ def turns_back(experiments: Sequence[Experiment]) -> bool:
 
     `experiments`: recordings of one system.
     """
+    ways = _ways(experiments)
+    return ways is None or any(_reversals(*way) >= _TWICE for way in ways)
+
+
+def spins(experiments: Sequence[Experiment]) -> bool:
+    """Return whether the readings show that a shaft only goes on, in every recording through a full turn or more."""
+    ways = _ways(experiments)
+    turning = experiments[0].coordinate_unit in ("rad", "rad/s")
+    return turning and ways is not None and all(np.ptp(w) > 2 * np.pi and not _reversals(w, n) for w, n in ways)
+
+
+def _ways(experiments: Sequence[Experiment]) -> list[tuple[FloatArray, float]] | None:
+    """Return the positions of every recording, see `_way`; None where they are not those on which effects act."""
     first = experiments[0]
     base = None if first.rig.system is None else system_base(first.rig.system)
     hidden = base is not None and (base.n_coordinates > 1 or base.input_moves or base.order > 1)
     if first.reads_acceleration or hidden:
-        return True
-    rate = base is not None and base.order == 1
-    return any(_reversals(*_way(e, rate=rate)) >= _TWICE for e in experiments)
+        return None
+    return [_way(e, rate=base is not None and base.order == 1) for e in experiments]
 
 
 def _way(experiment: Experiment, *, rate: bool) -> tuple[FloatArray, float]:

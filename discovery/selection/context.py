@@ -20,7 +20,7 @@ from discovery.estimation.problem import conventions
 from discovery.estimation.step_control import affordable_bench, unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
-from discovery.recordings.parts import turns_back
+from discovery.recordings.parts import spins, turns_back
 from discovery.selection.settings import LoopSettings
 
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.
@@ -64,8 +64,8 @@ class Context:
 
     def candidates(self, model: Model, *, which: Callable[..., tuple[str, ...]] = candidates) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
-        first, turns = self.train[0], turns_back(self.train)
-        return which(model, first.coordinate_unit, first.rig.declared, turns=turns)
+        first, motion = self.train[0], {"turns": turns_back(self.train), "spins": spins(self.train)}
+        return which(model, first.coordinate_unit, first.rig.declared, **motion)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""

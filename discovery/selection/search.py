@@ -181,8 +181,8 @@ class Search:
         return True
 
     def _is_complete(self) -> bool:
-        """Return whether what is left is noise and no candidate promises more than chance would."""
-        if not self._leaves_noise():
+        """Return whether what is left is noise, held out too, and no candidate promises more than chance would."""
+        if not self._leaves_noise() or self.best.evidence.misses:
             return False
         promise = max((c.score for c in self.offers.scored(self.best)), default=0.0)
         chance = self.offers.chance(self.best, self.best)
@@ -215,15 +215,17 @@ class Search:
         leading = [] if self.best.added else self._leading(plain)
         if any(self._take(_plain(self.offers.beside(c))) for c in leading) or self._take(pliable):
             return True
-        rest = (pairs if len(of_plain) < len(pairs) else [], *map(self.offers.beside, leading))
-        return any(map(self._take, rest))
+        if len(of_plain) < len(pairs) and self._take(pairs):
+            return True
+        every = [] if self.best.added else self._leading([*offered, *pairs])
+        return any(self._take(self.offers.beside(c)) for c in [*leading, *every])
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
         """Return the refused sets that gain in training, leave less and promise most: each may be half of a pair."""
         settings = self.context.settings
         gains = {c: odds_of(c, self.best, self.root, settings) for c in offered if c.chi2 < self.best.chi2}
         worth = [c for c in gains if gains[c].train > _WORTH * settings.nats and self.neighbours.affords(c)]
-        return sorted(worth, key=lambda c: -(gains[c].train + gains[c].predicted))[: settings.budget.beam]
+        return sorted(worth, key=lambda c: -gains[c].train)[: settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
         """Make the most likely set that is accepted the best one."""
