@@ -17,7 +17,6 @@ from scipy.linalg import block_diag
 from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf
 from scipy.optimize import lsq_linear
 
-from discovery.declarations.priors import Normal
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
@@ -184,9 +183,9 @@ def _forms(gram, pull, mean, step, triangles, size):
 class Belief:
     """What is believed of every parameter before the recordings."""
 
-    log_density: FloatArray  # (p,), logarithm of each prior at the linearisation; of a Gaussian one, at its mean
+    log_density: FloatArray  # (p,), logarithm of each prior at the linearisation; of what the rig states, at its mean
     width: FloatArray  # (p,), width of each prior
-    centre: FloatArray  # (p,), mean of a Gaussian one less the linearisation, NaN elsewhere
+    centre: FloatArray  # (p,), mean of what the rig states less the linearisation, NaN elsewhere
     #: low, high (p,): bounds less the linearisation.
     low: FloatArray
     high: FloatArray
@@ -196,13 +195,14 @@ class Belief:
 def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequence[float]) -> Belief:
     """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
     log, width, centre = [], [], []
-    for value, prior in zip(x[: len(problem.free)], problem.priors, strict=False):
-        if isinstance(prior, Normal):
+    for name, value, prior in zip(problem.free, x, problem.priors, strict=False):
+        if name in problem.stated:
+            law = problem.stated[name]
             # Of a law with tails the Gaussian that falls as it does there.
-            slope = prior.slope(value)
-            log.append(prior.peak)
+            slope = law.slope(value)
+            log.append(law.peak)
             width.append(1.0 / slope)
-            centre.append(-float(prior.residual(value)) / slope)
+            centre.append(-float(law.residual(value)) / slope)
             continue
         own, density = prior.width_at(value), float(prior.log_density(value))
         log.append(max(density, -1e3) if prior.is_proper else -np.log(own * np.sqrt(2 * np.pi)))
