@@ -236,8 +236,8 @@ def _reversals(way: FloatArray, noise: float) -> int:
     count, heading, low, high = 0, 0, way[0], way[0]
     for x in way.tolist():
         low, high = min(low, x), max(high, x)
-        turned = 1 if x > low + least else -1 if x < high - least else 0
-        if turned in (0, heading):
+        turned = -1 if heading >= 0 and x < high - least else 1 if heading <= 0 and x > low + least else 0
+        if not turned:
             continue
         count += heading != 0
         heading, low, high = turned, x, x
