@@ -45,6 +45,7 @@ HOMES = {
     "corner": {"discovery.report"},
     "pint": {"discovery.declarations.units"},
     "click": {"discovery.cli"},
+    "latex2mathml": {"discovery.report.mathml"},
 }
 
 

@@ -8,8 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from benchmarks.paper.items import Item, percent
-from discovery.report.mathml import GREEK
-from discovery.report.numbers import MISSING, significant
+from discovery.report.numbers import GREEK, MISSING, significant
 from discovery.report.references import paper_numbers
 
 #: Errata of the list; the others were found beside them.

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from discovery.report.mathml import GREEK
-from discovery.report.numbers import significant, uncertain, unit_text
+from discovery.report.numbers import GREEK, significant, uncertain, unit_text
 from discovery.report.tables import Table
 from discovery.report.words import effect_name
 

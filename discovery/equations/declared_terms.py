@@ -16,7 +16,8 @@ from discovery.mechanics.declared_equations import INPUT, coordinates_of
 
 _DOTS = ("", "'", "''")
 _READ = sp.Symbol("y_read", real=True)
-_LETTERS = {"potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
+#: Letters of the energies, and of the power of a load or a memory; a mode has none.
+LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
 
 
 class DeclaredLine(NamedTuple):
@@ -63,7 +64,7 @@ def placed_lines(effect: Effect) -> list[DeclaredLine]:
     meant |= dict.fromkeys((s.y, s.y_g, s.v_y), sp.Integer(0)) | {s.U: where**2 / 2, s.U_4: where**4 / 4}
     meant |= {INERTIA: sp.Integer(1), s.alpha: sp.Symbol(f"k_{effect.place}", real=True)}
     told = {local(c, effect.place): value for c, value in meant.items()} | {s.bend: where, s.bend_dot: rate}
-    letter = "F" if getattr(effect, "on", None) is not None else _LETTERS[effect.kind]
+    letter = "F" if getattr(effect, "on", None) is not None else LETTERS[effect.kind]
     lines = [DeclaredLine(effect_name(effect.id()), letter, 0, effect.expression().xreplace(told))]
     lines += [DeclaredLine("memory", z.name, 1, slope.xreplace(told)) for z, slope in effect.states().items()]
     return lines

@@ -12,13 +12,15 @@ from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Effect, Joint, Memory, Mode, Sensor, Shape
 from discovery.declarations.registry import effect_name
 from discovery.equations.contributions import radius_of
+from discovery.equations.declared_terms import LETTERS
 from discovery.equations.equation import EquationTerms, motion_symbols
+from discovery.equations.latex import STATES, LatexLine, Writer, words_in_text
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED
 from discovery.export.fitted import FittedModel, fitted_model, given_numbers, model_of
-from discovery.export.latex_writer import LETTERED, LatexLine, Writer, declared_latex, parameter_table, words_in_text
+from discovery.export.latex_writer import declared_latex, model_writer, parameter_table
 from discovery.export.source_text import origin
-from discovery.export.symbolic import LETTERS, closed_form, received, to_sympy
+from discovery.export.symbolic import closed_form, received, to_sympy
 from discovery.mechanics.elastica import Elastica
 from discovery.mechanics.rod_shapes import reduced_shapes
 
@@ -48,7 +50,7 @@ _LAGRANGE = (
 
 def _parameters_first(term: sp.Expr, write: Writer) -> str:
     """Return the LaTeX of a term as one writes it, its parameters before the motion."""
-    moving = [x for x in term.free_symbols if x.name == "t" or x.name in LETTERED - {"length"}]
+    moving = [x for x in term.free_symbols if x.name in STATES or x.name.endswith("'")]
     factor, motion = term.as_independent(*moving, as_Add=False)
     if factor.is_number or not motion.is_Mul | motion.is_Symbol | motion.is_Pow or sp.fraction(term)[1] != 1:
         return write(term)
@@ -68,7 +70,7 @@ def _equation(terms: EquationTerms, write: Writer, model: Model) -> list[LatexLi
     lines[-1] = LatexLine(last.words, f"{last.latex} = {write(terms.drive)}")
     modes = {f"{z}_0": effect_name(e.id()) for e in model.terms if isinstance(e, Mode) for z in e.states()}
     lines += [
-        LatexLine(modes.get(state.name, "memory"), f"{write.rate(state)} = {write(slope)}")
+        LatexLine(modes.get(state.name, "memory"), write.slope(state, slope))
         for state, slope in terms.memory
         if not (state.name in modes and slope.is_Symbol)
     ]
@@ -111,9 +113,7 @@ def _energy(effect: Effect, write: Writer) -> list[LatexLine]:
     elif isinstance(effect, Joint):
         body += r", \quad P = - \alpha b \dot{p}, \quad b = \frac{1}{3} \kappa(0, t)"
     lines = [LatexLine(effect_name(effect.id()), f"{letter} = {body}")]
-    rates = effect.states().items()
-    lines += [LatexLine("memory", f"\\dot{{{write(z)}}} = {write(rate)}") for z, rate in rates]
-    return lines
+    return lines + [LatexLine("memory", write.slope(*state)) for state in effect.states().items()]
 
 
 def _shape(effect: Shape, write: Writer) -> LatexLine:
@@ -156,7 +156,7 @@ def _reading(model: Model, write: Writer) -> list[LatexLine]:
 
 def latex_lines(model: Model) -> tuple[LatexLine, ...]:
     """Return the mathematics of a model in letters, line by line: motion, memory, radius law, drive, reading."""
-    write = Writer(model)
+    write = model_writer(model)
     terms = closed_form(model)
     lines: list[LatexLine] = []
     if model.mechanics.places():
@@ -218,4 +218,5 @@ def to_latex(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     header = [f"% {line}" for line in (origin(found) if found is not None else [])]
     rows = [f"  & {line.latex} && \\text{{{words_in_text(line.words)}}}" for line in latex_lines(model)]
     equations = [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"]
-    return "\n".join([*header, *equations, *([] if found is None else parameter_table(found, Writer(model)))]) + "\n"
+    table = [] if found is None else parameter_table(found, model_writer(model))
+    return "\n".join([*header, *equations, *table]) + "\n"

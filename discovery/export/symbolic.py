@@ -11,7 +11,7 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect, Joint, Memory
-from discovery.equations.declared_terms import every_line
+from discovery.equations.declared_terms import LETTERS, every_line
 from discovery.equations.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.equations.model import Model
 from discovery.equations.program import RECORDED, build_program
@@ -185,10 +185,6 @@ def to_sympy(source: FittedModel | Fit | Model, values: Mapping[str, float] | No
     found = substituted(found, written)
     numbers = {sp.Symbol(n, real=True): sp.Float(v) for n, v in given.items()}
     return substituted(found, numbers) if numbers else found
-
-
-#: Letters of the energies, and of the power of a load or a memory.
-LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
 
 
 def received(model: Model) -> tuple[sp.Symbol, sp.Expr]:

@@ -9,10 +9,11 @@ from typing import Any
 
 from markupsafe import Markup
 
+from discovery.equations.latex import number, parameter_letter
 from discovery.report.effect_formulas import known_constants, meanings
 from discovery.report.equations import model_formulas
 from discovery.report.estimates import declared_parameters, symbol_of, unit_of
-from discovery.report.mathml import WORD, broken, inline, latex, number, symbol
+from discovery.report.mathml import inline
 from discovery.report.numbers import MISSING, in_newtons, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.sentences import chances, effect_sentence, inclusion_words
@@ -23,12 +24,9 @@ _DIGITS = 4
 #: What a short name of a group of recordings leaves out.
 _SHORT = re.compile(" the trained .*")
 #: A negative number that is added, or taken away, at the begin of a term.
-_ADDED_NEGATIVE = re.compile(
-    r"<mo>([+−])</mo>(<mrow>)?<mrow><mo>\(</mo><mrow><mo>−</mo>(<mn>[^<]*</mn>)</mrow><mo>\)</mo></mrow>"
-)
-_SIDE_BY_SIDE = re.compile(r'(</mn>(?:</mrow>|</msup>)*)<mspace width="[\d.]+em"/>(?=(?:<mrow>|<msup>)*<mn>)')
-#: Before a symbol that is not the stem of one with an index or dots.
-_ALONE = rf'(?<!<msub>)(?<!<msubsup>)(?<!<mover accent="false">)(?<!{WORD})'
+_ADDED_NEGATIVE = re.compile(r"([+-]) \\left\(-([^()]*)\\right\)(?!\^)")
+#: What is part of a symbol, or of words: an index, what has dots above it, a name in letters.
+_PARTS = r"_\{(?:[^{}]|\{[^{}]*\})*\}|_\\mathrm\{\w*\}|_\w|\\(?:text|mathrm|d+ot)\{(?:[^{}]|\{[^{}]*\})*\}|\\[A-Za-z]+"
 
 
 def certainty(run: Run) -> list[tuple[str, str]]:
@@ -53,37 +51,32 @@ def _parameters(run: Run) -> dict[str, Mapping[str, Any]]:
     return {name: p for name, p in run.loop["model"]["after"]["parameters"].items() if "[" not in name}
 
 
-def equation_lines(run: Run) -> list[tuple[str, Markup, str]]:
-    """Return the formulas of the final model with its numbers: words, mathematics, and the same as LaTeX."""
+def equation_lines(run: Run) -> list[tuple[str, str]]:
+    """Return the formulas of the final model with its numbers: words, and mathematics in LaTeX."""
     after = run.loop["model"]["after"]
-    declared = declared_parameters(after["model"])
-    printed = {name: significant(p["value"], _digits(p["value"], p["sd"])) for name, p in _parameters(run).items()}
-    values = {
-        symbol(name): significant(value, _DIGITS) for name, value in known_constants(after["model"]["base"]).items()
-    }
-    values |= {
-        symbol(declared[name].latex if name in declared and declared[name].latex else name): text
-        for name, text in printed.items()
-    }
+    known = known_constants(after["model"]["base"])
+    printed = {name: significant(value, _DIGITS) for name, value in known.items()}
+    printed |= {name: significant(p["value"], _digits(p["value"], p["sd"])) for name, p in _parameters(run).items()}
+    values = {parameter_letter(name): text for name, text in printed.items()}
     lines = []
     plain = {name: p["value"] for name, p in _parameters(run).items()}
     for formula in model_formulas(after["model"], run.results["rig"]["kind"], after["model"].get("known", {}) | plain):
-        body = _with_numbers(formula.body, values)
-        if body != formula.body or formula.needed:
-            lines.append((formula.words, Markup(broken(body)), latex(body)))
+        told = _with_numbers(formula.latex, values)
+        if told != formula.latex or formula.needed:
+            lines.append((formula.words, told))
     return lines
 
 
-def where(run: Run, lines: Sequence[tuple[str, Markup, str]]) -> Markup:
+def where(run: Run, lines: Sequence[tuple[str, str]]) -> Markup:
     """Return what the symbols of an arm's equation mean; empty for other systems."""
     if not run.system.has_rod or len(lines) < 2:
         return Markup("")
-    return Markup(meanings("".join(body for _, body, _ in lines)))
+    return Markup(meanings(" ".join(tex for _, tex in lines)))
 
 
-def in_one(lines: Sequence[tuple[str, Markup, str]]) -> str:
+def in_one(lines: Sequence[tuple[str, str]]) -> str:
     """Return the LaTeX of lines as that of one formula."""
-    body = " \\\\\n".join(tex for *_, tex in lines)
+    body = " \\\\\n".join(tex for _, tex in lines)
     return f"\\begin{{gathered}}\n{body}\n\\end{{gathered}}" if len(lines) > 1 else body
 
 
@@ -95,28 +88,25 @@ def _digits(value: float, sd: float | None) -> int:
     return min(_DIGITS, max(1, known))
 
 
-def _with_numbers(body: str, values: Mapping[str, str]) -> str:
+def _with_numbers(formula: str, values: Mapping[str, str]) -> str:
     """Return a formula with printed numbers for symbols; a symbol that is part of another one stays."""
-    for name in sorted(values, key=len, reverse=True):
-        printed = number(values[name])
-        if values[name].startswith("\N{MINUS SIGN}"):
-            printed = f"<mrow><mo>(</mo>{printed}<mo>)</mo></mrow>"
-        if name.startswith("<msub>"):
-            # An index below and an exponent above share their place.
-            inner = re.escape(name.removeprefix("<msub>").removesuffix("</msub>"))
-            body = re.sub(rf"<msubsup>{inner}(<mn>\d+</mn>)</msubsup>", rf"<msup>{printed}\1</msup>", body)
-            body = body.replace(name, printed)
-        else:
-            body = re.sub(_ALONE + re.escape(name), printed, body)
-        if "×" in printed:
-            # A power of ten that is raised itself would be read as one number.
-            body = body.replace(f"<msup>{printed}", f"<msup><mrow><mo>(</mo>{printed}<mo>)</mo></mrow>")
-    body = _ADDED_NEGATIVE.sub(lambda found: f"<mo>{'−' if found[1] == '+' else '+'}</mo>{found[2]}{found[3]}", body)
+
+    def told(found: re.Match[str]) -> str:
+        if not found["symbol"]:
+            return found[0]
+        printed = number(values[found["symbol"]])
+        # A power of ten that is raised itself would be read as one number.
+        raised = r"\times" in printed and formula[found.end() :].startswith("^")
+        return rf"\left({printed}\right)" if raised or printed.startswith("-") else printed
+
+    symbols = "|".join(re.escape(symbol) for symbol in sorted(values, key=len, reverse=True))
+    body = re.sub(rf"(?P<symbol>{symbols})(?![A-Za-z_])|{_PARTS}", told, formula) if values else formula
+    body = _ADDED_NEGATIVE.sub(lambda found: f"{'-' if found[1] == '+' else '+'} {found[2]}", body)
     # Two numbers side by side would be read as one.
-    return _SIDE_BY_SIDE.sub(r"\1<mo>·</mo>", body)
+    return re.sub(r"(?<=[\d}]) (?=\d)", r" \\cdot ", body)
 
 
-def added_effects(run: Run) -> list[tuple[str, str, list[tuple[Markup, str]], str, str]]:
+def added_effects(run: Run) -> list[tuple[str, str, list[tuple[str, str]], str, str]]:
     """Return what the loop added: name, title, parameters with their values, odds and rivals, in words."""
     found = []
     for e in run.loop["effects"]:
@@ -129,23 +119,23 @@ def added_effects(run: Run) -> list[tuple[str, str, list[tuple[Markup, str]], st
     return found
 
 
-def parameter_lines(run: Run) -> list[tuple[Markup, str, str, str]]:
+def parameter_lines(run: Run) -> list[tuple[str, str, str, str]]:
     """Return the parameters of the final model: symbol, value with its deviation, unit, and what it is."""
     after = run.loop["model"]["after"]
     declared = declared_parameters(after["model"])
     physical = after.get("physical", {})
     found = []
     for name, p in _parameters(run).items():
-        latex, meaning = (declared[name].latex, [declared[name].meaning]) if name in declared else ("", [])
+        meaning = [declared[name].meaning] if name in declared else []
         value = significant(p["value"]) if "reason" in p else uncertain(p["value"], p["sd"])
         words = ", ".join([*meaning, *([p["reason"]] if "reason" in p else [])])
         told = f": {force}" if (force := in_newtons(physical.get(name))) else ""
-        found.append((Markup(inline(symbol(latex or name))), value, unit_of(name, p["unit"], run), words + told))
+        found.append((symbol_of(name), value, unit_of(name, p["unit"], run), words + told))
     if "inertia" in physical:
         weight = physical["inertia"]
-        letter = Markup(inline(symbol("m" if weight["unit"] == "kg" else "J")))
+        symbol = inline("m" if weight["unit"] == "kg" else "J")
         value, words = uncertain(weight["value"], weight["sd"]), "inertia that the force or the rig file tells"
-        found.append((letter, value, unit_text(weight["unit"]), words))
+        found.append((symbol, value, unit_text(weight["unit"]), words))
     return found
 
 

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import sympy as sp
-from markupsafe import escape
 
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import Effect
-from discovery.declarations.system import System
+from discovery.declarations.system import System, SystemDeclaration
 from discovery.equations.contributions import force_received, radius_of
-from discovery.equations.declared_terms import DeclaredLine, declared_lines, placed_lines
+from discovery.equations.declared_terms import LETTERS, DeclaredLine, declared_lines, placed_lines
+from discovery.equations.latex import (
+    LatexLine,
+    Writer,
+    dotted,
+    in_sum,
+    letter,
+    parameter_letter,
+    parameter_letters,
+)
 from discovery.mechanics.systems import declaration_of, declared_base
-from discovery.report.mathml import inline, row, symbol
-from discovery.report.mathml_expression import expression
+from discovery.report.mathml import inline
 
-#: Letters of the energies, and of the power of a load or a memory; a mode has none.
-LETTERS = {"kinetic": "T", "potential": "V", "dissipation": "D", "load": "P", "memory": "P"}
-_NEXT = '<mo>,</mo><mspace width="1em"/>'
+_NEXT = r", \quad "
 #: The energies in words, in their order.
 _WORDS = {
     "T": "Kinetic energy that the effects add",
@@ -34,86 +41,64 @@ _MEANINGS = {
     "q_k": "the curvature modes of the rod",
     "Q_k": "the generalized forces",
     "v_t": "the speed of the tip",
-    "x_g": "the first moment of the mass along x, in lengths of the arm",
-    "y_g": "that along y",
+    r"\bar{x}_g": "the first moment of the mass along x, in lengths of the arm",
+    r"\bar{y}_g": "that along y",
 }
 #: What an effect may take from its place, by the beginning of the symbol.
 _THERE = {"k": "stiffness", "xi_at": "damping"}
 
 
-def coordinate_name(system: str) -> str:
-    """Return what the coordinate of a kind of system is called."""
-    return System.of(system).coordinate
+@cache
+def _writer(system: str) -> Writer:
+    """Return what writes the formulas of a kind of system; a declared one, without a name, has those of its user."""
+    if not system:
+        return Writer({}, frozenset(), unnamed=parameter_letter)
+    return Writer.of_field(System.of(system).has_rod, parameter_letters())
 
 
-def equal(left: str, right: str) -> str:
-    """Return an equation."""
-    return row(left, "<mo>=</mo>", right)
-
-
-def signed(body: str) -> str:
-    """Return a term of a sum with its sign in front."""
-    minus = "<mrow><mo>−</mo>"
-    return f"<mo>−</mo><mrow>{body.removeprefix(minus)}" if body.startswith(minus) else f"<mo>+</mo>{body}"
+def expression(value: sp.Expr, system: str = "flexible_arm") -> str:
+    """Return the LaTeX of an expression for a kind of system, see `_writer`."""
+    return _writer(system)(value)
 
 
 def rounded_factors(value: sp.Expr) -> sp.Expr:
     """Return the expression with decimal factors to four digits."""
-    return value.xreplace({f: sp.Float(float(f), 4) for f in value.atoms(sp.Float)})
+    return value.xreplace({f: sp.Float(f"{float(f):.4g}") for f in value.atoms(sp.Float)})
 
 
 def along_the_rod(*factors: str) -> str:
     """Return three times the integral of a product of formulas along the rod."""
-    bounds = "<msubsup><mo>∫</mo><mn>0</mn><mn>1</mn></msubsup>"
-    product = [f"<mo>(</mo>{factor}<mo>)</mo>" for factor in factors]
-    return row("<mn>3</mn>", bounds, *product, "<mi>d</mi>", symbol("s"))
+    product = " ".join(rf"\left({factor}\right)" for factor in factors)
+    return rf"3 \int_0^1 {product}\, \mathrm{{d}}s"
 
 
-def _turned(by: str) -> str:
-    """Return how much the slope of the rod grows."""
-    return row(symbol("theta"), "<mo>→</mo>", symbol("theta"), "<mo>+</mo>", by)
-
-
-def _bending(effect: Any, name: str) -> list[str]:
+def _bending(effect: Any) -> list[str]:
     """Return what b is in a law of the rod: the curvature at a place or at the root, else a part of the bending."""
     laws_of = [effect.expression(), *effect.states().values()]
-    if name == "q" or not {s.bend, s.bend_dot, s.root, s.root_dot} & set().union(*(x.free_symbols for x in laws_of)):
+    if not {s.bend, s.bend_dot, s.root, s.root_dot} & set().union(*(x.free_symbols for x in laws_of)):
         return []
     if effect.kind == "memory" and not effect.local:
-        return [row(symbol("b"), "<mtext> each component of the bending</mtext>")]
-    slope = f"<mfrac>{row('<mo>∂</mo>', symbol('theta'))}{row('<mo>∂</mo>', symbol('s'))}</mfrac>"
-    where = "" if effect.kind == "memory" else "<mo>(</mo><mn>0</mn><mo>)</mo>"
-    return [equal(symbol("b"), row("<mfrac><mn>1</mn><mn>3</mn></mfrac>", slope, where))]
+        return [r"b \text{ each component of the bending}"]
+    return [rf"b = \frac{{1}}{{3}} \frac{{\partial \theta}}{{\partial s}}{'' if effect.kind == 'memory' else '(0)'}"]
 
 
-def _states(effect: Any, name: str) -> list[str]:
-    return [equal(symbol(z.name, 1), expression(rate, name)) for z, rate in effect.states().items()]
-
-
-def effect_formula(effect: Effect, system: str) -> str:
+def effect_formula(effect: Any, system: str) -> str:
     """Return what an effect declares on a kind of system: its energy, power, law or what the instrument reports."""
-    name, declared = coordinate_name(system), getattr(effect, "expression", None)
-    if effect.kind in LETTERS:
-        assert declared is not None
-        letter = "F" if getattr(effect, "on", None) is not None else LETTERS[effect.kind]
-        body = expression(declared(), name)
-        if getattr(effect, "local", False) and System.of(system).has_rod:
+    if effect.place:
+        return _placed_formula(effect)
+    write, has_rod = _writer(system), System.of(system).has_rod
+    if effect.kind in LETTERS or effect.kind == "joint":
+        symbol = "F" if getattr(effect, "on", None) is not None else LETTERS.get(effect.kind, "p")
+        body = write(effect.expression())
+        if getattr(effect, "local", False) and has_rod:
             body = along_the_rod(body)
-        lines = [equal(symbol(letter), body)]
-        if effect.kind == "memory":
-            lines += [*_states(effect, name), *_bending(effect, name)]
-        return row(_NEXT.join(lines))
-    if effect.kind == "joint":
-        assert declared is not None
-        turn = equal(symbol("p"), expression(declared(), name))
-        return row(_NEXT.join([_turned(symbol("p")), turn, *_states(effect, name), *_bending(effect, name)]))
+        lines = [r"\theta \to \theta + p"] if effect.kind == "joint" else []
+        lines += [f"{symbol} = {body}", *(write.slope(*state) for state in effect.states().items())]
+        return _NEXT.join(lines + (_bending(effect) if has_rod and effect.kind in ("memory", "joint") else []))
     if effect.kind == "shape":
         # Kappa_r is the curvature at the root.
-        added = effect.rest_angle() + effect.root_turn() * sp.Symbol("kappa_r")  # type: ignore[attr-defined]
-        return _turned(expression(added, name))
-    if effect.kind == "mode":
-        return mode_formula(effect)
-    return laws([effect], system)
+        return rf"\theta \to \theta + {write(effect.rest_angle() + effect.root_turn() * sp.Symbol('kappa_r'))}"
+    return mode_formula(effect) if effect.kind == "mode" else laws([effect], system)
 
 
 def mode_formula(mode: Any, push: sp.Expr | None = None) -> str:
@@ -124,8 +109,8 @@ def mode_formula(mode: Any, push: sp.Expr | None = None) -> str:
     slope = sp.expand(states[states[z]].xreplace({states[z]: rate}))
     driven, own = slope.as_independent(z, rate, as_Add=True)
     left = sorted((-own).as_ordered_terms(), key=lambda term: not term.has(rate))
-    row_of_terms = row(expression(acceleration), *(signed(expression(term, "q")) for term in left))
-    return equal(row_of_terms, expression(driven.xreplace({s.push: push}), "q"))
+    *own, driven = (expression(term, "oscillator") for term in (acceleration, *left, driven.xreplace({s.push: push})))
+    return f"{in_sum(*own)} = {driven}"
 
 
 def together(effects: Iterable[Effect]) -> list[list[Effect]]:
@@ -139,38 +124,37 @@ def together(effects: Iterable[Effect]) -> list[list[Effect]]:
     return list(groups.values())
 
 
-def laws(effects: Sequence[Any], system: str, names: tuple[str, str, str] = ("u", "q", "q_read")) -> str:
-    """Return the one law of a group of `together`; `names` are of input, output and what is told, without a rod."""
+def laws(effects: Sequence[Any], system: str, declaration: SystemDeclaration | None = None) -> str:
+    """Return the one law of a group of `together`; a declared system has the names of its user."""
     arm, kind = System.of(system).has_rod, effects[0].kind
-    # A declared system has the names of its user.
-    name = coordinate_name(system) if arm or names[1] == "q" else ""
+    given = declaration.input[0] if declaration is not None and declaration.input is not None else "u"
+    output, told = ("q", "q_read") if declaration is None else ("y_read", "y_told")
+    write = _writer(system if declaration is None else "")
     if kind == "closure":
-        return equal(row(symbol("rho_t"), "<mo>/</mo>", symbol("l")), expression(radius_of(effects), name))
+        return rf"\rho_t/l = {write(radius_of(effects))}"
     if kind == "drive":
         if arm:
             turned: sp.Expr = s.theta_m
             for effect in effects:
                 turned = effect.expression().subs(s.theta_m, turned)
-            return row(symbol(s.theta_m.name), "<mo>→</mo>", expression(turned, name))
-        law, states = force_received(effects, sp.Symbol(names[0], real=True))
-        arrives = row(symbol(names[0]), "<mo>→</mo>", expression(law, name))
-        slopes = (equal(symbol(z.name, 1), expression(e, name)) for z, e in states.items())
-        return row(_NEXT.join([arrives, *slopes]))
+            return rf"\theta_m \to {write(turned)}"
+        law, states = force_received(effects, sp.Symbol(given, real=True))
+        arrives = rf"{write.name(given)} \to {write(law)}"
+        return _NEXT.join([arrives, *(write.slope(*state) for state in states.items())])
     late = sp.Add(*[effect.lateness() for effect in effects])
     if late != 0:
-        since = [signed(expression(-term, name)) for term in late.as_ordered_terms()]
-        return equal(symbol("t_read"), row(symbol("t"), *since))
-    read: tuple[sp.Expr, ...] = sp.symbols("tip_x tip_y", real=True) if arm else (sp.Symbol(names[1], real=True),)
+        return rf"t_{{\mathrm{{read}}}} = {in_sum('t', *(write(-term) for term in late.as_ordered_terms()))}"
+    read: tuple[sp.Expr, ...] = sp.symbols("tip_x tip_y", real=True) if arm else (sp.Symbol(output, real=True),)
     for effect in effects:
         read = effect.read(*read)
-    told = ("x_read", "y_read") if arm else names[2:]
-    return row(_NEXT.join(equal(symbol(n), expression(e, name)) for n, e in zip(told, read, strict=True)))
+    names = ("x_read", "y_read") if arm else (told,)
+    return _NEXT.join(f"{letter(name)} = {write(value)}" for name, value in zip(names, read, strict=True))
 
 
 def meanings(shown: str) -> str:
     """Return what the symbols mean that are in formulas, as the HTML of a sentence without its end."""
-    parts = {n: symbol(n).removeprefix("<msub>").removesuffix("</msub>") for n in _MEANINGS}
-    return ", ".join(f"{inline(symbol(n))} {words}" for n, words in _MEANINGS.items() if parts[n] in shown)
+    found = {n: words for n, words in _MEANINGS.items() if re.search(rf"(?<![\w\\]){re.escape(n)}(?!\w)", shown)}
+    return ", ".join(f"{inline(n)} {words}" for n, words in found.items())
 
 
 def are_summed(effect: Effect) -> bool:
@@ -178,43 +162,41 @@ def are_summed(effect: Effect) -> bool:
     return effect.kind in LETTERS and effect.kind != "memory" and getattr(effect, "on", None) is None
 
 
-def summed(effects: Sequence[Effect], system: str, values: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return words and MathML for each energy to which effects that `are_summed` add, with numbers by name."""
+def summed(effects: Sequence[Effect], system: str, values: Mapping[str, float]) -> list[LatexLine]:
+    """Return a line for each energy to which effects that `are_summed` add, with numbers by name."""
     terms: dict[str, list[str]] = {}
     for effect in effects:
-        terms.setdefault(LETTERS[effect.kind], []).extend(_terms(effect, coordinate_name(system), values))
+        terms.setdefault(LETTERS[effect.kind], []).extend(_terms(effect, system, values))
     found = []
-    for letter, (first, *others) in sorted(terms.items(), key=lambda item: list(_WORDS).index(item[0])):
+    for symbol, added in sorted(terms.items(), key=lambda item: list(_WORDS).index(item[0])):
         # The mechanics have a kinetic energy of their own.
-        whole = symbol("T_0") if letter == "T" else first
-        rest = [first, *others] if letter == "T" else others
-        found.append((_WORDS[letter], equal(symbol(letter), row(whole, *map(signed, rest)))))
+        parts = ["T_0", *added] if symbol == "T" else added
+        found.append(LatexLine(_WORDS[symbol], f"{symbol} = {in_sum(*parts)}", needed=True))
     return found
 
 
-def _terms(effect: Effect, coordinate: str, values: Mapping[str, float]) -> list[str]:
+def _terms(effect: Effect, system: str, values: Mapping[str, float]) -> list[str]:
     declared = effect.expression()  # type: ignore[attr-defined]
     known = {x: sp.Float(values[x.name]) for x in declared.free_symbols if x.name in values}
     told = declared.xreplace(known)
     # A law of another form is read best as it is declared.
     polynomial = told.is_polynomial(*sorted(told.free_symbols, key=str))
     told = sp.expand(told) if polynomial else declared
-    parts = [rounded_factors(part) for part in told.as_ordered_terms()]
+    parts = [expression(rounded_factors(part), system) for part in told.as_ordered_terms()]
     if getattr(effect, "local", False):
-        others = [signed(expression(part, coordinate)) for part in parts[1:]]
-        return [along_the_rod(row(expression(parts[0], coordinate), *others))]
-    return [expression(part, coordinate) for part in parts]
+        return [along_the_rod(in_sum(*parts))]
+    return parts
 
 
 def _equation(line: DeclaredLine) -> str:
-    return equal(symbol(line.name, line.dots), expression(line.value, ""))
+    return f"{dotted(letter(line.name), line.dots)} = {expression(line.value, '')}"
 
 
-def declared_formulas(name: str, effects: Iterable[Effect]) -> list[tuple[str, str, bool]]:
-    """Return words and MathML of the energies, forces, places and output of a declared system, named by its base.
+def declared_formulas(name: str, effects: Iterable[Effect]) -> list[LatexLine]:
+    """Return the energies, forces, places and output of a declared system, named by its base.
 
-    Third, whether the equation is incomplete without it: so is every energy and force, a place at which one of the
-    effects acts, and what is read where that is no coordinate.
+    The equation is incomplete without every energy and force, a place at which one of the effects acts, and what is
+    read where that is no coordinate.
     """
     base = declared_base(name)
     if base is None:
@@ -225,7 +207,7 @@ def declared_formulas(name: str, effects: Iterable[Effect]) -> list[tuple[str, s
         # A place may have the name of its coordinate.
         if value != line.name:
             needed = line.name in used if line.words.startswith("Place ") else value not in base.declaration.coordinates
-            found.append((line.words, _equation(line), needed))
+            found.append(LatexLine(line.words, _equation(line), needed))
     return found
 
 
@@ -235,21 +217,11 @@ def known_constants(name: str) -> dict[str, float]:
     return {} if declaration is None else {n: c.value for n, c in declaration.constants.items() if not c.free}
 
 
-def placed_formula(effect: Effect) -> str:
+def _placed_formula(effect: Effect) -> str:
     """Return what an effect at a place declares, in the displacement there, and what it takes from the place."""
     lines = placed_lines(effect)
     names = {x.name for line in lines for x in line.value.free_symbols}
     taken = [(f"{stem}_{effect.place}", word) for stem, word in _THERE.items()]
-    told = [
-        row(symbol(name), f"<mtext> the {word} at {escape(effect.place.replace('_', ' '))}</mtext>")
-        for name, word in taken
-        if name in names
-    ]
-    return row(_NEXT.join([*(_equation(line) for line in lines), *told]))
-
-
-def fault_formula(effects: Sequence[Effect], base: str, system: str) -> str:
-    """Return the law of what the input or the instrument of a declared system does, in the name of the input."""
-    declaration = declaration_of(base)
-    given = "u" if declaration is None or declaration.input is None else declaration.input[0]
-    return laws(effects, system, (given, "y_read", "y_told"))
+    where = re.sub(r"[\W_]+", " ", effect.place)
+    told = [rf"{letter(name)} \text{{ the {word} at {where}}}" for name, word in taken if name in names]
+    return _NEXT.join([*map(_equation, lines), *told])

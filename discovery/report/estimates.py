@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.registry import get_effect
 from discovery.foundation.start_names import start_of, start_word
 from discovery.mechanics import get_base
 from discovery.report.numbers import MISSING, in_newtons, interval, rounded, significant, uncertain, unit_text
@@ -61,14 +61,9 @@ def unit_of(name: str, unit: str, run: Run) -> str:
     return f"{printed} per {given}" if name == "g" and given and not run.system.has_rod else printed
 
 
-def _symbol(name: str, declared: Mapping[str, Any]) -> Markup | str:
-    return start_words(name) if "[" in name else name_cell(name, declared[name].latex if name in declared else "")
-
-
-def symbol_of(parameter: str) -> Markup:
-    """Return the symbol of a parameter of the catalogue as mathematics."""
-    declared = {p.name: p.latex for effect in catalogue().values() for p in effect.parameters()}
-    return name_cell(parameter, declared.get(parameter, ""))
+def symbol_of(name: str) -> Markup | str:
+    """Return the symbol of a parameter as mathematics, or the words for what is one of a recording."""
+    return start_words(name) if "[" in name else name_cell(name)
 
 
 def sampled_parameters(run: Run) -> dict[str, Any]:
@@ -88,7 +83,7 @@ def posterior_table(run: Run) -> Table | None:
     cells = []
     for r in rows:
         name, sd = r["name"], r["sd"]
-        about = [_symbol(name, declared), _meaning(name, declared, _noise_words(r, run)), unit_of(name, r["unit"], run)]
+        about = [symbol_of(name), _meaning(name, declared, _noise_words(r, run)), unit_of(name, r["unit"], run)]
         draws = [uncertain(r["mean"], sd), *(rounded(r[q], sd) for q in ("q05", "q50", "q95"))]
         beside = [significant(paper.get(name), 4)] if paper else []
         cells.append([*about, *draws, uncertain(r["fit_value"], r["fit_sd"]), *beside])
@@ -154,7 +149,7 @@ def final_table(run: Run) -> Table:
         if "[" in name:
             continue
         old = before.get(name)
-        about = [_symbol(name, declared), _meaning(name, declared), unit_of(name, p["unit"], run)]
+        about = [symbol_of(name), _meaning(name, declared), unit_of(name, p["unit"], run)]
         both = [uncertain(p["value"], p["sd"]), uncertain(old["value"], old["sd"]) if old else MISSING]
         forces = [in_newtons(physical.get(name)) or MISSING] if physical else []
         cells.append([*about, *both, *forces, p.get("reason", "")])

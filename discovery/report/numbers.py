@@ -11,6 +11,13 @@ from typing import Any
 from discovery.foundation.estimate_text import decimals, places, prefix_for
 
 MISSING = "–"
+#: Greek letters by name.
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",
+    "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "varphi": "φ", "psi": "ψ",
+    "omega": "ω", "Omega": "Ω", "Delta": "Δ", "Phi": "Φ",
+    "Gamma": "Γ", "epsilon": "ε", "varepsilon": "ε", "zeta": "ζ", "chi": "χ", "pi": "π",
+}  # fmt: skip
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MINUS = "\N{MINUS SIGN}"
 #: Probabilities and their ratios are told no finer than one in so many.

@@ -37,7 +37,7 @@ from discovery.report import (
 )
 from discovery.report.figures import draw_all, motion
 from discovery.report.figures.motion import channel_name, shown_scale
-from discovery.report.mathml import latex
+from discovery.report.mathml import block, broken
 from discovery.report.numbers import scale_for
 from discovery.report.results import Run, Trajectory, read_run
 from discovery.report.style import Picture, render, styled
@@ -151,7 +151,8 @@ def environment(*packages: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {"prose": words.page_prose, "sentence": words.sentence, "clause": words.clause, "latex": latex}
+    made.filters |= {"prose": words.page_prose, "sentence": words.sentence, "clause": words.clause}
+    made.filters |= {"formula": block, "broken": broken}
     return made
 
 

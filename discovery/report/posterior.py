@@ -202,7 +202,7 @@ def diagnostics_table(run: Run) -> Table | None:
     for r in rows:
         name = r["name"]
         times = [significant(tau.get(name))] if tau else []
-        shown = start_words(name) if "[" in name else symbol_of(name)
+        shown = symbol_of(name)
         cells.append([shown, *(significant(r.get(k), _DIGITS.get(k, 4)) for k in keys), *times])
         raw.append([name, *(r.get(k) for k in keys), *([tau.get(name)] if tau else [])])
     head = ("", *(_WORDS[k] for k in keys), *(["τ [steps]"] if tau else []))

@@ -8,18 +8,16 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from markupsafe import Markup
-
 from discovery.declarations.registry import get_effect
 from discovery.mechanics.upgrades import UPGRADES
-from discovery.report.effect_formulas import effect_formula, placed_formula
-from discovery.report.mathml import inline, latex
+from discovery.report.effect_formulas import effect_formula
+from discovery.report.mathml import inline
 from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import effect_name, effect_title, in_catalogue
 
 
-def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
+def _effects_used(run: Run) -> list[tuple[str, str, str, str, str]]:
     """Return name, role, title, formula and source of the declared effects, then of those that the loop added."""
     found = []
     system = run.results["rig"]["kind"]
@@ -27,11 +25,10 @@ def _effects_used(run: Run) -> list[tuple[str, str, str, Markup, str]]:
     for role, effects in (("declared", run.loop["declared"]), ("added", added)):
         for effect_id in effects:
             known = get_effect(effect_id) if in_catalogue(effect_id) else None
-            law = "" if known is None else placed_formula(known) if known.place else effect_formula(known, system)
-            body = Markup(inline(law)) if law else Markup("")
+            law = "" if known is None else effect_formula(known, system)
             source = known or UPGRADES.get(effect_id)
             cite = _named(source.cite if source else "", run)
-            found.append((effect_name(effect_id), role, effect_title(effect_id), body, cite))
+            found.append((effect_name(effect_id), role, effect_title(effect_id), law, cite))
     return found
 
 
@@ -47,8 +44,8 @@ def sources_table(run: Run) -> Table:
     """Return the effects of the final model with their formulas and sources."""
     cells, raw = [], []
     for name, role, title, law, cite in _effects_used(run):
-        cells.append([name + (" (added)" if role == "added" else ""), title, law, cite])
-        raw.append([name, role, title, latex(str(law)) if law else "", cite])
+        cells.append([name + (" (added)" if role == "added" else ""), title, inline(law) if law else "", cite])
+        raw.append([name, role, title, law, cite])
     head = ("effect", "what it is", "formula", "source")
     keys = ("effect", "role", "what_it_is", "formula_latex", "source")
     caption = "Effects of the declared model, and those that were added."

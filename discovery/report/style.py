@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from discovery.foundation.arrays import FloatArray
-from discovery.report.mathml import GREEK
+from discovery.report.numbers import GREEK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from discovery.report.mathml import formula, inline, symbol
+from discovery.equations.latex import parameter_letter, term
+from discovery.report.mathml import inline
 
 #: Cells of a page are text or ready markup; those of a CSV file plain values.
 Cell = str | Markup
@@ -95,10 +96,9 @@ class Table:
 
 def term_cell(text: str) -> Markup:
     """Return a term of an equation, such as ``delta^2 theta_t'``, as mathematics."""
-    return Markup(inline(formula(text)))
+    return inline(term(text))
 
 
-def name_cell(name: str, latex: str = "") -> Markup:
+def name_cell(name: str) -> Markup:
     """Return a parameter's symbol as mathematics; ``beta/alpha`` is a ratio."""
-    parts = [symbol(latex if latex and "/" not in name else part) for part in name.split("/")]
-    return Markup(inline("<mrow>" + "<mo>/</mo>".join(parts) + "</mrow>"))
+    return inline("/".join(map(parameter_letter, name.split("/"))))

@@ -13,8 +13,7 @@ from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.registry import effect_name as effect_name
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES
-from discovery.report.mathml import GREEK
-from discovery.report.numbers import Scale, power_of_ten, scale_for_change, uncertain, unit_text
+from discovery.report.numbers import GREEK, Scale, power_of_ten, scale_for_change, uncertain, unit_text
 from discovery.report.numbers import listed as listed
 from discovery.report.results import Run
 from discovery.report.sentences import lead_sentence, verdict_sentence
