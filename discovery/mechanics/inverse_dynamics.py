@@ -28,7 +28,9 @@ class InverseDynamics(OneCoordinate):
     reads = "force"
     input_moves = True
     prescribed = True
-    provides = frozenset({"sensor_delay", "time_base_error", "position_scale", "perspective", "angle_offset", "zero_drift"})
+    provides = frozenset(
+        {"sensor_delay", "time_base_error", "position_scale", "perspective", "angle_offset", "zero_drift"}
+    )
 
     m = Parameter(
         "s^2 q^-1", "inertia: force per acceleration", (1e-6, 1e6), LogNormal(1.0, 3.0), default=1.0, starts=(1.0,)

@@ -212,20 +212,17 @@ class Search:
         if self._take(of_plain := _plain(pairs, 2)):
             return True
         # Effects hide each other: what is refused alone may be right beside another.
-        leading = [] if self.best.added else self._leading(plain)
-        if any(self._take(_plain(self.offers.beside(c))) for c in leading) or self._take(pliable):
+        leading, refused = self._leading(plain), pairs if len(of_plain) < len(pairs) else []
+        if any(self._take(_plain(self.offers.beside(c))) for c in leading) or any(map(self._take, (pliable, refused))):
             return True
-        if len(of_plain) < len(pairs) and self._take(pairs):
-            return True
-        every = [] if self.best.added else self._leading([*offered, *pairs])
-        return any(self._take(self.offers.beside(c)) for c in [*leading, *every])
+        return any(self._take(self.offers.beside(c)) for c in [*leading, *self._leading([*offered, *pairs])])
 
     def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
-        """Return the refused sets that gain in training, leave less and promise most: each may be half of a pair."""
+        """Return the refused sets that gain most in training, beside nothing: each may be part of a larger one."""
         settings = self.context.settings
-        gains = {c: odds_of(c, self.best, self.root, settings) for c in offered if c.chi2 < self.best.chi2}
-        worth = [c for c in gains if gains[c].train > _WORTH * settings.nats and self.neighbours.affords(c)]
-        return sorted(worth, key=lambda c: -gains[c].train)[: settings.budget.beam]
+        gains = {c: odds_of(c, self.best, self.root, settings).train for c in offered if c.chi2 < self.best.chi2}
+        worth = [c for c, gain in gains.items() if gain > _WORTH * settings.nats and self.neighbours.affords(c)]
+        return sorted(worth, key=lambda c: -gains[c])[: 0 if self.best.added else settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
         """Make the most likely set that is accepted the best one."""
