@@ -529,7 +529,8 @@ def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
         "z": -7.99, "odds": 28.5, "source": "the rig", "contradicts": True,
     }  # fmt: skip
     said = {
-        "parameter": "alpha", "reconciling": ["base_compliance"], "tried": [tried], "sought": True, "gross": False, "overruled": False,
+        "parameter": "alpha", "reconciling": ["base_compliance"], "tried": [tried], "sought": True, "gross": False,
+        "overruled": False,
     }  # fmt: skip
     results["loop"]["contradiction"] = {"checks": [check], "contradictions": [said]}
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
