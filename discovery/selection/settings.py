@@ -22,7 +22,7 @@ class Budget:
     pairs : int
         Pairs refitted where no single effect is accepted.
     beam : int
-        Refused effects beside which all others are tried.
+        Refused sets beside which all others are tried.
     offers : int
         Sets beside which the whole catalogue is refitted.
     dearer : float
