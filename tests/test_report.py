@@ -1406,10 +1406,17 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
     [
         (-4.25, -3.0, "but loses 4.25 on"),
         (1.25, 2.0, "but only 1.25 on"),
-        (0.0, 2.0, ", and nothing on the held-out"),
+        (
+            -25.6,
+            14.2,
+            "but loses 25.6 on the held-out recordings over its intervals; its estimate alone gains 14.2 there",
+        ),
+        (0.0, 2.0, ", and nothing on the held-out recordings over its intervals; its estimate alone gains 2.00 there"),
         (-1e-9, 0.0, ", and nothing on the held-out"),
-        (200.0, -381.0, "but its estimate alone loses 381 on"),
-        (200.0, 1.25, "but its estimate alone gains only 1.25 on"),
+        (200.0, -381.0, "gains 50.0 nats in training and 200 held out, but its estimate alone loses 381 there"),
+        (19.6, 0.0, "gains 50.0 nats in training and 19.6 held out, but its estimate alone gains nothing there"),
+        (0.0, -3.0, "and nothing held out, but its estimate alone loses 3.00 there"),
+        (200.0, 1.25, "but its estimate alone gains only 1.25 there"),
     ],
 )
 def test_what_is_missed_held_out_is_told(held: float, ahead: float, said: str) -> None:
