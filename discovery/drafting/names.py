@@ -51,6 +51,17 @@ class Meaning(NamedTuple):
     role: str
     unit: str | None  # as the name states it, None where it does not
 
+    @property
+    def lasts(self) -> bool:
+        """Whether it is a time: that of a clock, or how long something lasts, as a pulse that drives.
+
+        Examples
+        --------
+        >>> meaning_of("pwm_us").lasts, meaning_of("pwm").lasts
+        (True, False)
+        """
+        return self.unit is not None and si_symbol(self.unit) == "s"
+
 
 def meaning_of(name: str) -> Meaning:
     """Read the name of a column.
