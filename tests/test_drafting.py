@@ -372,6 +372,13 @@ def test_a_pulse_that_varies_may_drive(name: str, tmp_path: Path, capsys: pytest
     assert drafted(path, chosen={"input": name})["columns"]["input"]["name"] == name
 
 
+def test_a_column_that_rises_by_its_unit_is_the_time_and_counts_a_second_are_a_speed(tmp_path: Path) -> None:
+    speed = 8500.0 - 3600.0 * np.exp(-8.0 * TIME)
+    document = drafted(written(tmp_path, "a.csv", "i_ms,vfilt_cps,duty", 1e3 * TIME, speed, np.full(TIME.size, 999.0)))
+    assert document["columns"]["time"] == {"name": "i_ms", "unit": "ms"}
+    assert (document["kind"], document["system"]["output"]) == ("system", "dot(angle)")
+
+
 @pytest.mark.parametrize("name", ["counts", "x_mm", "angle_rad"])
 def test_a_constant_that_is_named_is_the_input(name: str, tmp_path: Path) -> None:
     step = 5.0 * (1.0 - np.exp(-0.5 * TIME) * (np.cos(4.0 * TIME) + np.sin(4.0 * TIME) / 8.0))
