@@ -900,6 +900,25 @@ def test_states_of_a_shaken_system_have_names_of_its_own(tmp_path: Path) -> None
     assert "it depends on deflection relative to the base and time." in headline(Run(tmp_path, results))
 
 
+@pytest.mark.parametrize("name", ["output", "deflection"])
+def test_one_state_has_one_name_on_a_page(tmp_path: Path, name: str) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    left = {"model_error": synthetic_run.model_error(1e-3, 8e-5, "m", name, "time")}
+    results["loop"] = _loop(results, "unexplained") | left
+    run = Run(tmp_path, results)
+    assert "it depends on output and time." in headline(run)
+    assert ["depends on", "output and time", ""] in evidence.model_error_table(run).rows
+
+
+def test_what_was_tried_twice_is_told_once(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    loop = _loop(results, "unexplained")
+    tried = synthetic_run.decision("add", "wind", accepted=False, code="size", numbers=synthetic_run.odds(50.0, 9.0))
+    other = {**tried, "numbers": synthetic_run.odds(60.0, 9.0, size=3.0)}
+    told = story.steps(Run(tmp_path, {**results, "loop": {**loop, "steps": [tried, other, tried]}}))
+    assert len(told) == 2
+
+
 def test_a_force_that_cannot_be_reconstructed_is_said_to_be_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def grows(*_: Any) -> Any:
         raise ComputationError("The motion grows.")
