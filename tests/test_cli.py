@@ -428,9 +428,10 @@ def test_quiet_keeps_what_a_result_means(
     monkeypatch.setattr("discovery.runs.stages.loop", stop)
     arguments = ["loop", film.rig, "--train", film.train, "--predict", film.train, "--out", tmp_path]
     quiet, loud = (call(capsys, *arguments, *more).err for more in (["--quiet"], []))
-    warning = f"{film.train}: without --initial-state the prediction starts at rest"
+    warning = f"{film.train}: without --initial-state the prediction starts at rest, and no input drives this system"
     assert quiet.startswith(warning)
     assert warning in loud
+    assert "stays there, unless what is found is a force in time" in loud
     assert "scatters by" in loud
     assert "scatters by" not in quiet
     assert "errors stay, and a warning that" in " ".join(call(capsys, "loop", "--help").out.split())
@@ -1088,7 +1089,7 @@ def test_bad_initial_state(case: Case, tmp_path: Path, capsys: pytest.CaptureFix
     said = call(capsys, "loop", case.rig, "--train", case.train, "--predict", case.drive, "--initial-state", state,
                 "--out", out)  # fmt: skip
     refused(said, out)
-    assert "ANGLE,RATE" in said.err
+    assert "POSITION,RATE" in said.err
 
 
 def test_a_file_in_place_of_the_folder(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -364,6 +364,21 @@ def test_columns_left_that_vary_may_have_a_role(
         assert "guessed: an angle, and no column is known to drive it" in text
 
 
+@pytest.mark.parametrize("name", ["ESC signal (µs)", "pwm_us", "servo_ms"])
+def test_a_pulse_that_varies_may_drive(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "a.csv", f"t_s,{name},clock_ms,rpm", TIME, 1500.0 + HELD, 1e3 * TIME, 900.0 + driven(0.0))
+    said = f"clock_ms, {name} (varies: name it with --input if it drives, or with --output if it is the motion)"
+    assert f"not used: {said}\n" in call(capsys, "init", path).out
+    assert drafted(path, chosen={"input": name})["columns"]["input"]["name"] == name
+
+
+def test_a_column_that_rises_by_its_unit_is_the_time_and_counts_a_second_are_a_speed(tmp_path: Path) -> None:
+    speed = 8500.0 - 3600.0 * np.exp(-8.0 * TIME)
+    document = drafted(written(tmp_path, "a.csv", "i_ms,vfilt_cps,duty", 1e3 * TIME, speed, np.full(TIME.size, 999.0)))
+    assert document["columns"]["time"] == {"name": "i_ms", "unit": "ms"}
+    assert (document["kind"], document["system"]["output"]) == ("system", "dot(angle)")
+
+
 @pytest.mark.parametrize("name", ["counts", "x_mm", "angle_rad"])
 def test_a_constant_that_is_named_is_the_input(name: str, tmp_path: Path) -> None:
     step = 5.0 * (1.0 - np.exp(-0.5 * TIME) * (np.cos(4.0 * TIME) + np.sin(4.0 * TIME) / 8.0))

@@ -10,7 +10,7 @@ from scipy import stats
 
 from discovery.posterior import ensembles
 from discovery.posterior.checkpoint import restore, save
-from discovery.posterior.diagnostics import convergence, tail_effective
+from discovery.posterior.diagnostics import Convergence, convergence, tail_effective
 from discovery.posterior.moves import DifferentialEvolution, IndependenceMove, Snooker, Stretch, StudentMixture
 
 MOVES = {
@@ -122,6 +122,16 @@ def gamma_and_normal(z):
 def group_of_four():
     seeds = np.random.SeedSequence(3).spawn(4)
     return ensembles.start_ensembles(gamma_and_normal, 2, walkers=32, seeds=seeds)
+
+
+@pytest.mark.parametrize(
+    ("ess", "tau", "r_hat", "longer"),
+    [(500, 10, 1.0, 8), (500, 400, 1.0, 20), (8000, 10, 1.05, 5), (8000, 10, 1.005, 1), (500, np.nan, 1.0, np.inf)],
+)
+def test_the_slowest_rule_says_how_much_longer_a_run_is(ess: float, tau: float, r_hat: float, longer: float) -> None:
+    found = Convergence(*(np.array([[easy, it]]) for easy, it in ((1.0, r_hat), (1.0, tau), (9e3, ess))), 1000)
+    assert found.times_longer(4000, 1.01) == pytest.approx(longer)
+    assert found.meets(4000, 1.01) == (longer == 1)
 
 
 def test_moves_sample_a_density_unlike_their_proposal():

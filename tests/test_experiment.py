@@ -109,6 +109,7 @@ def test_the_largest_deflection_is_that_of_the_fitted_part_and_bears_an_outlier(
     assert largest_deflection([recorded(("tip_angle",), output, time=time)]) == pytest.approx(0.8, rel=0.01)
     first = recorded(("tip_angle",), output, time=time, fitted_samples=2000)
     assert largest_deflection([first]) == pytest.approx(0.4, rel=0.01)
+    assert largest_deflection([first], whole=True) == pytest.approx(0.8, rel=0.01)
 
 
 # Weights.

@@ -280,6 +280,12 @@ def test_a_mode_starts_at_rest_and_does_not_move_the_first() -> None:
 # The equations as they are written.
 
 
+def test_without_an_input_the_equation_has_no_drive() -> None:
+    free = Model("oscillator", (*LINEAR, "second_mode"), {"g": 0.0})
+    assert equation_of_motion(free).rhs == 0
+    assert not any(slope.has(sp.Symbol("u", real=True)) for _, slope in equation_terms(free).memory)
+
+
 def test_the_equation_of_each_base() -> None:
     written = {base: str(equation_of_motion(Model(base, LINEAR))) for base in ON_A_LINE}
     left = "Eq(alpha*q + q'*xi + q'', {})"

@@ -54,6 +54,13 @@ def test_a_body_that_is_held_is_taken_from_its_release_on(tmp_path: Path, held: 
     assert f"samples = [{begun}, 1490]" in flag.sentence
 
 
+def test_a_release_is_told_on_the_clock_of_its_column(tmp_path: Path) -> None:
+    recording = loaded(tmp_path, FREE, t=4000.0 + T, x=swing(1.5)).train[0].recording
+    (flag,) = [f for f in recording.flags if f.code == "held"]
+    assert recording.time[0] == 0.0
+    assert flag.numbers["until"] == pytest.approx(4001.5, abs=0.06)
+
+
 def test_what_is_no_hold_stays_whole() -> None:
     rng = np.random.default_rng(3)
     turns = [np.cos(2 * np.pi * T + phase) * np.exp(-0.1 * T) for phase in (-0.4, -0.1, 0.0, 0.1, 1.0)]

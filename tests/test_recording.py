@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write, read_table
-from discovery.recordings.reading_noise import estimate_noise
+from discovery.recordings.reading_noise import estimate_noise, noise_flags
 from discovery.recordings.recording import read_recording
 from discovery.recordings.rounding import resolution
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Quantity, Rig, TimeColumn
@@ -220,6 +220,22 @@ def test_noise_that_alternates_is_not_estimated_above_its_scatter():
     alternating = np.where(np.arange(300) % 2 == 0, 19.0, -19.0) * np.sign(rng.random(300) - 0.1)
     assert estimate_noise(step + alternating) == pytest.approx(19.0, rel=0.15)
     assert estimate_noise(step + rng.normal(0.0, 19.0, 300)) == pytest.approx(19.0, rel=0.15)
+
+
+@pytest.mark.parametrize("rest", [0, 40, 200, 600])
+@pytest.mark.parametrize("level", [0.0, 120.0])
+def test_a_body_that_stands_still_says_nothing_of_the_noise_of_its_motion(rest, level):
+    time = 0.01 * np.arange(400)
+    moving = 700.0 * (1.0 - np.exp(-time)) + np.random.default_rng(9).normal(0.0, 5.0, 400)
+    values = level + np.round(np.concatenate([np.zeros(rest), moving]), 1)
+    assert estimate_noise(values) == pytest.approx(5.0, rel=0.2)
+    assert noise_flags("rpm", "rpm", 0.01 * np.arange(values.size), values, 5.0) == []
+
+
+def test_readings_alike_within_a_step_belong_to_the_noise():
+    swing = 20.3 * np.sin(0.002 * np.arange(4000.0))
+    coarse = np.round(swing + np.random.default_rng(9).normal(0.0, 0.1, swing.size))
+    assert estimate_noise(coarse) < 0.3
 
 
 def test_noise_of_an_unstated_rig_is_marked(tmp_path):

@@ -901,6 +901,25 @@ def test_states_of_a_shaken_system_have_names_of_its_own(tmp_path: Path) -> None
     assert "it depends on deflection relative to the base and time." in headline(Run(tmp_path, results))
 
 
+@pytest.mark.parametrize("name", ["output", "deflection"])
+def test_one_state_has_one_name_on_a_page(tmp_path: Path, name: str) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    left = {"model_error": synthetic_run.model_error(1e-3, 8e-5, "m", name, "time")}
+    results["loop"] = _loop(results, "unexplained") | left
+    run = Run(tmp_path, results)
+    assert "it depends on output and time." in headline(run)
+    assert ["depends on", "output and time", ""] in evidence.model_error_table(run).rows
+
+
+def test_what_was_tried_twice_is_told_once(tmp_path: Path) -> None:
+    results = synthetic_run.write_oscillator_run(tmp_path)
+    loop = _loop(results, "unexplained")
+    tried = synthetic_run.decision("add", "wind", accepted=False, code="size", numbers=synthetic_run.odds(50.0, 9.0))
+    other = {**tried, "numbers": synthetic_run.odds(60.0, 9.0, size=3.0)}
+    told = story.steps(Run(tmp_path, {**results, "loop": {**loop, "steps": [tried, other, tried]}}))
+    assert len(told) == 2
+
+
 def test_a_force_that_cannot_be_reconstructed_is_said_to_be_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def grows(*_: Any) -> Any:
         raise ComputationError("The motion grows.")
@@ -1425,10 +1444,17 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
     [
         (-4.25, -3.0, "but loses 4.25 on"),
         (1.25, 2.0, "but only 1.25 on"),
-        (0.0, 2.0, ", and nothing on the held-out"),
+        (
+            -25.6,
+            14.2,
+            "but loses 25.6 on the held-out recordings over its intervals; its estimate alone gains 14.2 there",
+        ),
+        (0.0, 2.0, ", and nothing on the held-out recordings over its intervals; its estimate alone gains 2.00 there"),
         (-1e-9, 0.0, ", and nothing on the held-out"),
-        (200.0, -381.0, "but its estimate alone loses 381 on"),
-        (200.0, 1.25, "but its estimate alone gains only 1.25 on"),
+        (200.0, -381.0, "gains 50.0 nats in training and 200 held out, but its estimate alone loses 381 there"),
+        (19.6, 0.0, "gains 50.0 nats in training and 19.6 held out, but its estimate alone gains nothing there"),
+        (0.0, -3.0, "and nothing held out, but its estimate alone loses 3.00 there"),
+        (200.0, 1.25, "but its estimate alone gains only 1.25 there"),
     ],
 )
 def test_what_is_missed_held_out_is_told(held: float, ahead: float, said: str) -> None:

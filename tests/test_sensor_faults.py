@@ -20,6 +20,7 @@ from discovery.recordings.recording import read_recording
 from discovery.recordings.rounding import quantum, resolution
 from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.rigs.rig_file import read_rig
 
 T = 0.005 * np.arange(8000)
 DECAY = np.exp(-0.05 * T) * np.cos(6.0 * T)
@@ -373,6 +374,34 @@ def test_a_short_film_is_read_and_told_and_one_that_is_driven_is_not(tmp_path):
         columns = Columns(TimeColumn("t"), inputs, OutputColumn("a", "deg", 2e-3))
         notes = read_recording(tmp_path / "film.csv", Rig("p", kind="pendulum", columns=columns)).notes
         assert sum("'a' holds about 0.6 of a swing (1.97 s)" in note for note in notes) == told
+
+
+@pytest.mark.parametrize(("swings", "told"), [(2.0, 1), (0.5, 0), (8.0, 0)])
+@pytest.mark.parametrize("output", ["swing", "dot(swing)"])
+def test_few_swings_of_a_declared_system_are_told_and_part_of_one_may_be_any_motion(tmp_path, output, swings, told):
+    unit = "rad/s" if "dot" in output else "rad"
+    time = np.arange(200) / 50.0
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        f"""name = "p"
+[system]
+coordinates = {{ swing = "rad" }}
+kinetic = "inertia*dot(swing)^2/2"
+potential = "-weight*cos(swing)"
+places = {{ joint = "swing" }}
+output = "{output}"
+[system.constants]
+inertia = {{ value = 1.0, unit = "kg m^2" }}
+weight = {{ guess = 1.0, unit = "N m" }}
+[columns]
+time = {{ name = "t", unit = "s" }}
+output = {{ name = "a", unit = "{unit}" }}
+"""
+    )
+    values = 0.3 * np.cos(2.0 * np.pi * swings * time / 4.0) + 2e-3 * np.random.default_rng(5).standard_normal(200)
+    pd.DataFrame({"t": time, "a": values}).to_csv(tmp_path / "a.csv", index=False)
+    flags = read_recording(tmp_path / "a.csv", read_rig(rig)).flags
+    assert sum(flag.code in ("swings_few", "swing_cut") for flag in flags) == told
 
 
 def test_empty_cells_are_told(tmp_path):

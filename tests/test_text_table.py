@@ -210,6 +210,16 @@ def test_texts_of_other_encodings_are_read(tmp_path, name, named):
     assert all(f"read as {guessed}" in f.sentence for f in notes)
 
 
+@pytest.mark.parametrize("mark", ["\t", ";", ","])
+def test_lines_that_are_one_quoted_cell_are_refused_with_a_remedy(tmp_path: Path, mark: str) -> None:
+    rows = [mark.join(("t", "x"))] + [mark.join((f"{0.01 * k:.2f}", f"{k * k}")) for k in range(60)]
+    (tmp_path / "a.csv").write_text("\n".join(f'"{row}"' for row in ["mass A", *rows]))
+    with pytest.raises(InputError, match=r"line 62: the whole line stands between quotation marks.*Delete all quota"):
+        read_table(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text("x\n" + "\n".join(f'"{k},5"' for k in range(60)))
+    assert read_table(tmp_path / "a.csv").columns["x"].size == 60
+
+
 @pytest.mark.parametrize("content", [b"t,x\n0,1\n1,\x002\n", bytes(500), b"\x7fELF" + bytes(range(256)) * 20])
 def test_what_is_no_text_is_refused(tmp_path, content):
     path = tmp_path / "r.csv"

@@ -305,6 +305,23 @@ def test_pictures_are_drawn_on_axes(dataset: Dataset, found: discovery.LoopResul
     plt.close("all")
 
 
+@pytest.mark.parametrize(("between", "drawn"), [("hold", "steps-post"), ("linear", "default")])
+def test_an_input_is_drawn_as_it_runs_between_its_samples(tmp_path: Path, between: str, drawn: str) -> None:
+    time = 0.05 * np.arange(200)
+    table = np.column_stack([time, np.round(np.sin(time)), 0.1 * np.sin(3.0 * time) * np.sin(time)])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,u,x", comments="")
+    (tmp_path / "rig.toml").write_text(
+        'name = "a"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        f'input = {{ name = "u", unit = "V", interpolation = "{between}" }}\n'
+        'output = { name = "x", unit = "m" }\n[model]\neffects = ["viscous_damping", "linear_stiffness"]\n'
+        '[records]\ntrain = [{ file = "a.csv" }]\n'
+    )
+    (axes,) = discovery.load_dataset(tmp_path / "rig.toml").plot_recordings()
+    (behind,) = [ax for ax in axes.figure.axes if ax is not axes]
+    assert behind.lines[0].get_drawstyle() == drawn
+    plt.close("all")
+
+
 def test_a_posterior_in_a_notebook(found: discovery.LoopResult) -> None:
     drawn = discovery.sample(found.before.specialised(), min_effective=400)
     assert drawn.provenance["seed"] == 1

@@ -126,7 +126,7 @@ def _posterior(
 )
 @click.option(
     "--initial-state",
-    metavar="ANGLE,RATE",
+    metavar="POSITION,RATE",
     help="Initial state of --predict: rad and rad/s (80 degrees are 1.396), or m and m/s where the output is a "
     "length; static equilibrium otherwise.",
 )
@@ -186,8 +186,8 @@ def _read_state(text: str | None) -> tuple[float, float] | None:
             raise ValueError
     except ValueError:
         raise InputError(
-            f"--initial-state {text!r} is not ANGLE,RATE: give two numbers in rad and rad/s, such as 0.1,0, or where "
-            "the output is a length in m and m/s."
+            f"--initial-state {text!r} is not POSITION,RATE: give two numbers in rad and rad/s, such as 0.1,0, or "
+            "where the output is a length in m and m/s."
         ) from None
     return angle, rate
 
@@ -228,8 +228,9 @@ def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None)
     wanted = make_experiment(read_recording(target, dataset.rig, with_output=False), dataset.rig)
     if initial is None and wanted.drive is None:
         note(
-            f"{target}: without --initial-state the prediction starts at rest, and nothing drives this system: it "
-            "stays there. Give the state at the first time with --initial-state ANGLE,RATE."
+            f"{target}: without --initial-state the prediction starts at rest, and no input drives this system: it "
+            "stays there, unless what is found is a force in time. Give the state at the first time with "
+            "--initial-state POSITION,RATE."
         )
     return wanted
 

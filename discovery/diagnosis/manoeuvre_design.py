@@ -152,7 +152,7 @@ def demonstrated_limits(experiments: Sequence[Experiment]) -> MotorLimits:
         angle, rate, acceleration = e.drive.evaluate(np.linspace(time[0], time[-1], 4000))
         sizes.append([np.abs(angle - angle[0]).max(), np.abs(rate).max(), np.abs(acceleration).max(), np.ptp(time)])
     angle, speed, acceleration, duration = np.max(sizes, axis=0).tolist()
-    return MotorLimits(angle, speed, acceleration, duration, 1.1 * largest_deflection(experiments))
+    return MotorLimits(angle, speed, acceleration, duration, 1.1 * largest_deflection(experiments, whole=True))
 
 
 def allowed_limits(experiments: Sequence[Experiment]) -> MotorLimits:

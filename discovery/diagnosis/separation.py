@@ -217,7 +217,7 @@ def _input_column(experiment: Experiment) -> str:
 def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
     """Return the place to let the system go from, at rest, within the deflections that it has been seen at."""
     experiments = fits[0].problem.bench.experiments
-    seen = largest_deflection(experiments)
+    seen = largest_deflection(experiments, whole=True)
     most = fits[0].problem.units.coordinate if experiments[0].reads_acceleration else seen
     longest = max(float(np.ptp(e.recording.time)) for e in experiments)
     limits = _short(MotorLimits(most, 1.0, 1.0, longest, _OVERSHOOT * seen), fits[0])

@@ -31,7 +31,7 @@ _GRAVITIES = {"g": "g_0", "mg": "mg_0"}
 #: Words for full turns; one of the latter counts them where a number is named beside it.
 _REVOLUTIONS, _REVOLUTION = {"turns", "revolutions", "revs"}, {"turn", "revolution", "rev"}
 _COUNTED = {"count", "counts", "counter", "number", "total"}
-_SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "drehzahl"}
+_SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "cps", "drehzahl"}
 _OTHERS = {"temperature", "battery", "supply", "error", "err", "uncertainty", "sd", "std"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
 _WORDS = (
@@ -50,6 +50,17 @@ class Meaning(NamedTuple):
     #: ``"acceleration"``, ``"other"`` (neither cause nor motion), or ``""`` where the name says nothing.
     role: str
     unit: str | None  # as the name states it, None where it does not
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is a time: that of a clock, or how long something lasts, as a pulse that drives.
+
+        Examples
+        --------
+        >>> meaning_of("pwm_us").lasts, meaning_of("pwm").lasts
+        (True, False)
+        """
+        return self.unit is not None and si_symbol(self.unit) == "s"
 
 
 def meaning_of(name: str) -> Meaning:

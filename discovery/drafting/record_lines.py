@@ -84,7 +84,7 @@ def unused_words(found: Signals, named: Collection[str] = ()) -> str:
     Of the roles ``"input"`` and ``"output"``, the user `named` the columns of some: those are no longer asked for.
     """
     loose = [] if {"input", "output"} <= {*named} else _varying(found)
-    said = [", ".join(name for name in found.unused if name not in found.still and name not in loose)[:300]]
+    said = [", ".join(name for name in found.unused if name.strip() and name not in {*found.still, *loose})[:300]]
     if loose:
         said.append(f"{', '.join(loose)[:300]} ({_roles(len(loose) == 1, named)})")
     return ", ".join(filter(None, [*said, *_held(found)]))
@@ -112,14 +112,17 @@ def _varying(found: Signals) -> list[str]:
     trial = _trials(table, found.seconds, found.unused)[0]
     names = []
     for name in found.unused:
-        role = meaning_of(name).role
-        if role in ("time", "other") or name in found.still or name == trial:
+        meaning = meaning_of(name)
+        role = meaning.role
+        if (role in ("time", "other") and not meaning.lasts) or name in found.still or name == trial:
             continue
         try:
             values = table.numbers(name)
         except InputError:
             continue
         steps = np.diff(values)
+        if meaning.lasts and (steps > 0.0).all():  # a clock; a pulse lasts now longer, now shorter
+            continue
         counts = role == "" and steps.size > 0 and bool((np.abs(steps - steps[0]) <= _EVEN * abs(steps[0])).all())
         if np.isfinite(values).any() and not counts:
             names.append(name)

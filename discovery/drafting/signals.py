@@ -226,11 +226,12 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
     for name, values in columns.items():
         if meanings[name].role == "time" and (np.diff(values) > 0).mean() > 0.5:
             return name
-    for name, values in columns.items():
+    perhaps = {name: columns[name] for name, told in meanings.items() if told.role == "" or told.lasts}
+    for name, values in perhaps.items():
         steps = np.diff(values)
-        if meanings[name].role == "" and steps.size and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
+        if steps.size and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
             return name
-    rising = [name for name, values in columns.items() if meanings[name].role == "" and (np.diff(values) > 0).all()]
+    rising = [name for name, values in perhaps.items() if (np.diff(values) > 0).all()]
     if len(rising) == 1:
         return rising[0]
     raise InputError(

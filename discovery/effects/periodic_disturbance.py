@@ -42,8 +42,12 @@ class PeriodicDisturbance(Load):
 
     cite = "forced vibration; Den Hartog, Mechanical Vibrations (1956), chapter 2"
     pliable = True
-    a_s = Parameter("s^-2 q", "sine amplitude along x", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_s")
-    a_c = Parameter("s^-2 q", "cosine amplitude along x", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_c")
+    a_s = Parameter(
+        "s^-2 q", "sine amplitude, of an arm along x", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_s"
+    )
+    a_c = Parameter(
+        "s^-2 q", "cosine amplitude, of an arm along x", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_c"
+    )
     b_s = Parameter(
         "s^-2 q", "sine amplitude along y", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True, latex="b_s"
     )

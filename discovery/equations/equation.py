@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
 
@@ -53,6 +53,10 @@ class Sum(Protocol):
     @property
     def effects(self) -> tuple[str, ...]:
         """Ids of the effects."""
+
+    @property
+    def known(self) -> Mapping[str, float]:
+        """Values of parameters that are not fitted."""
 
 
 def motion_symbols(system: str) -> tuple[sp.Symbol, sp.Symbol, sp.Symbol]:
@@ -130,11 +134,15 @@ def equation_terms(model: Sum) -> EquationTerms:
 
     Symbols: theta_t, its rates theta_t' and theta_t'', delta, delta', theta_m'' for an arm; q, q', q'' and u, with u'
     and u'' where it is a motion, for an oscillator; parameters by name. theta_m is what the arm receives, u what the
-    oscillator does. Of a prescribed motion u is the coordinate, and the force F that it takes drives.
+    oscillator does; a gain known to be zero, as without an input, passes nothing on. Of a prescribed motion u is the
+    coordinate, and the force F that it takes drives.
 
     Raises InputError for a base with several coordinates, or one whose mechanics has no closed form.
     """
-    return _terms(model.base, model.effects)
+    found = _terms(model.base, model.effects)
+    gains = {symbol: 0 for symbol in found.drive.free_symbols if model.known.get(symbol.name) == 0.0}
+    memory = tuple((state, slope.subs(gains)) for state, slope in found.memory)
+    return replace(found, drive=found.drive.subs(gains), memory=memory)
 
 
 @lru_cache(maxsize=64)

@@ -45,7 +45,7 @@ class Model:
     --------
     >>> model = Model("oscillator", ("viscous_damping", "linear_stiffness"), known={"g": 0.0})
     >>> model.equation()
-    Eq(alpha*q + q'*xi + q'', g*u)
+    Eq(alpha*q + q'*xi + q'', 0)
     >>> model.with_effect("coulomb_friction").without(["viscous_damping"]).effects
     ('linear_stiffness', 'coulomb_friction')
     >>> dict(model.free_parameter("g").known), Model.from_dict(model.to_dict()) == model

@@ -31,7 +31,7 @@ from discovery.simulation.simulate import check_finite
 #: Standard deviations by which parameters are moved, to both sides, and the least where motions blow up.
 _APART, _NEAR = 0.5, 1e-3
 
-_NO_REST = "The model has no rest position in its range; give --initial-state ANGLE,RATE."
+_NO_REST = "The model has no rest position in its range; give --initial-state POSITION,RATE."
 _FREE = "No force of the model depends on the position: it rests {}; give --initial-state POSITION,RATE."
 
 

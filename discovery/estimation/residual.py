@@ -148,7 +148,7 @@ def _states(experiment: Experiment, period: float) -> dict[str, FloatArray]:
     scale = period / (2 * np.pi)
     return {
         "time": t,
-        "deflection": filled,
+        "deflection" if experiment.system.has_rod else "output": filled,
         "rate": rate,
         "phase": np.arctan2(-rate * scale, smooth),
         "amplitude": np.hypot(rate * scale, smooth),

@@ -59,6 +59,7 @@ def parse_text(
     if lines.size == 0:
         raise InputError(f"{path} is empty but for comments. Export the recording again.")
     rows = [every[number - 1] for number in lines]
+    _check_quotes(path, lines, rows)
     titles = _titles(rows, header)
     rows, lines = rows[titles:], lines[titles:]
     separator = _separator(rows, header)
@@ -153,6 +154,19 @@ def _decimal(rows: Sequence[str], separator: str) -> str:
     marked = [cell for cell in cells if _COMMA.fullmatch(cell)]
     plain = any("." in cell and _is_number(cell) for cell in cells)
     return "," if not plain and any(not _THOUSAND.fullmatch(cell) for cell in marked) else "."
+
+
+def _check_quotes(path: Path, lines: IntArray, rows: Sequence[str]) -> None:
+    """Refuse rows each of which stands between quotation marks as a whole: several numbers are one cell there."""
+    last = rows[-1].strip()
+    inside = last[1:-1]
+    cells = re.split(r"[\t;,]", inside)
+    single = last == f'"{inside}"' and '"' not in inside and not _is_either_number(inside)
+    if single and len(cells) > 1 and all(map(_is_either_number, cells)):
+        raise InputError(
+            f"{path}, line {lines[-1]}: the whole line stands between quotation marks, which makes it a single cell: "
+            f"{_quoted(last)}. Delete all quotation marks in an editor, or export the table again without them."
+        )
 
 
 def _check_names(where: str, row: str, names: Sequence[str], first: Sequence[str], given: bool) -> None:

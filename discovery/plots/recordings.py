@@ -83,7 +83,9 @@ class DatasetViews:
             ax.set(title=f"{role}: {r.name}", xlabel="time [s]")
             if r.input is not None:
                 behind = ax.twinx()
-                behind.plot(r.time, r.input, color="0.6", linewidth=0.8, zorder=0)
+                given = experiment.rig.columns.input
+                between = "steps-post" if given is not None and given.interpolation == "hold" else "default"
+                behind.plot(r.time, r.input, color="0.6", linewidth=0.8, zorder=0, drawstyle=between)
                 with_unit(behind.yaxis, "input", experiment.input_unit)
                 behind.yaxis.label.set_color("0.4")
             if len(ax.get_legend_handles_labels()[1]) > 1:

@@ -48,6 +48,16 @@ class Convergence:
             and np.all(self.steps >= LENGTH_IN_TAU * self.tau)
         )
 
+    def times_longer(self, min_effective: float, r_hat_max: float) -> float:
+        """Return how many times as many steps meet the slowest of these; infinite where that is not known.
+
+        Effective samples grow with the steps, and what R-hat exceeds one by falls with them.
+        """
+        with np.errstate(divide="ignore"):
+            samples, excess = np.divide(min_effective, self.ess), (self.r_hat - 1.0) / (r_hat_max - 1.0)
+        slowest = float(np.max([samples, LENGTH_IN_TAU * self.tau / self.steps, excess, np.ones_like(excess)]))
+        return np.inf if np.isnan(slowest) else slowest
+
 
 def convergence(draws: FloatArray) -> Convergence:
     """Return the diagnostics of draws after burn-in, shape (ensembles, steps, walkers, d)."""

@@ -90,7 +90,7 @@ def independence_chains(
         found = convergence(values(chosen)[:, :, None])
         fresh = log_weights[:, 1:].ravel()
         pace = (time.perf_counter() - began) / rounds
-        tell(found, pace * _left(found, wanted[0], rounds))
+        tell(found, pace * rounds * (found.times_longer(*wanted) - 1.0))
         if found.meets(*wanted):
             k = smoothed(fresh[np.isfinite(fresh)])[1]
             if k > LARGEST_K or _misses(seen, proposal, float(fresh.max())):
@@ -146,9 +146,3 @@ def _misses(seen: tuple[FloatArray, FloatArray], proposal: Proposal, largest: fl
     """Return whether walkers saw a place that is far too rare among the draws."""
     points, log_density = seen
     return float(np.max(log_density - proposal.log_density(points))) > largest + math.log(_MISSED)
-
-
-def _left(found: Convergence, wanted: float, rounds: int) -> float:
-    """Return the rounds to go."""
-    effective = float(found.ess.min())
-    return max(0.0, rounds * (wanted / effective - 1.0)) if effective > 0 else math.inf

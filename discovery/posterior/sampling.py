@@ -185,7 +185,7 @@ def _by_walkers(
         draws = target.values(np.stack([ensemble.chain[steps // 2 if short else burn_in :] for ensemble in group]))
         found = convergence(draws)
         pace = (time.perf_counter() - began) / (steps - before) if steps > before else math.nan
-        tell(_progress(found, steps, wanted[0], pace * _steps_left(steps, found, wanted[0])))
+        tell(_progress(found, steps, wanted[0], pace * steps * (found.times_longer(*wanted) - 1.0)))
         if not short and found.meets(*wanted):
             return of_ensembles(fit, target, group, found, draws, seed)
     raise _refusal(target.names, found, max_steps, *wanted)
@@ -222,13 +222,6 @@ def _progress(found: Convergence, steps: int, wanted: float, seconds_left: float
         beside=f"R-hat {found.r_hat.max():.3f} after {steps} steps",
         seconds_left=seconds_left,
     )
-
-
-def _steps_left(steps: int, found: Convergence, wanted: float) -> float:
-    """Return the steps to go; effective samples grow with the steps."""
-    share = float(found.ess.min()) / wanted
-    least = max(steps / share if share > 0 else math.inf, LENGTH_IN_TAU * float(found.tau.max()) / (1 - _BURN_IN))
-    return max(least - steps, 0.0)
 
 
 def _run_of(target: LogPosterior, starts: Sequence[np.ndarray]) -> str:

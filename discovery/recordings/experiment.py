@@ -202,6 +202,7 @@ def make_experiment(recording: Recording, rig: Rig, *, fitted_samples: int | Non
     return Experiment(recording, build_drive(recording, rig), rig, fitted_samples)
 
 
-def largest_deflection(experiments: Sequence[Experiment]) -> float:
-    """Return the largest measured deflection of the fitted samples [q], robust against single outliers."""
-    return max(float(np.nanquantile(np.abs(e.deflection[e.fitted]), 0.999)) for e in experiments)
+def largest_deflection(experiments: Sequence[Experiment], *, whole: bool = False) -> float:
+    """Return the largest measured deflection of the fitted samples, or of all [q], robust against single outliers."""
+    parts = [e.deflection if whole else e.deflection[e.fitted] for e in experiments]
+    return max(float(np.nanquantile(np.abs(part), 0.999)) for part in parts)

@@ -75,7 +75,7 @@ def _edges(r: Recording, rig: Rig) -> tuple[list[int], Callable[[list[list[int]]
 
     def held(spans: list[list[int]], done: bool) -> list[Flag]:
         level = float(np.nanmedian(r.output[:_HELD, 0]))
-        numbers = {"level": level, "until": float(r.time[at or 0]), "part": spans[0]}
+        numbers = {"level": level, "until": float(r.time[at or 0]) + rig.columns.time.zero, "part": spans[0]}
         name, unit = rig.columns.output.name, rig.columns.output.unit
         # Still on its way in the end: an angle, too, that has turned little.
         driven = rig.traits.returns and runs_on(r.output[at:, 0], "1")

@@ -12,7 +12,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag
 from discovery.recordings.local_fits import CALMER, FAR, KEPT, SLOWEST, excess_scatter, misses
-from discovery.recordings.rounding import are_marks, resolution
+from discovery.recordings.rounding import are_marks, quantum, resolution
 
 #: Bands of a spectrum by octave, from half the sampling rate down, and lines that the smallest one holds.
 _BY_OCTAVE, _LINES = 2, 16
@@ -39,6 +39,7 @@ _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
 _SURE = 4.0  # standard deviations
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
+_STILL, _RESTING = 9, 0.1  # readings alike, as many as the highest differences take; share of all that moves a median
 
 
 @dataclass(frozen=True)
@@ -157,14 +158,30 @@ def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
     what was read is when they passed. Without times, samples are equally spaced; NaN are skipped.
     Differences amplify errors that alternate from one sample to the next. Local fits through more samples than they
     need do not: where these scatter less, beyond chance, errors do alternate, and theirs is the estimate.
-    The estimate is 0 for a signal without noise, NaN with fewer than 18 samples.
+    The estimate is 0 for a signal without noise, NaN with fewer than 18 samples. A body at rest tells nothing of the
+    noise of its motion where that exceeds the step of the readings.
     """
+    values = _without_rests(values)
     if time is None or not are_uneven(good := time[np.isfinite(values)]):
         return _calmed(values, min(_estimates(values), default=float("nan")))
     divided = _estimates_at(good, read := values[np.isfinite(values)])
     if are_marks(good, read):
         return min(divided, default=float("nan"))
     return _calmed(values, min(_estimates(values) + divided, default=float("nan")))
+
+
+def _without_rests(values: FloatArray) -> FloatArray:
+    """Return readings (n,) with NaN for those that stand still on one value, where the noise of the others moves them.
+
+    Noise of less than a step leaves readings alike: those that are do belong to it. Few hardly move a median.
+    """
+    first = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    lengths = np.diff(first, append=values.size)
+    still = np.repeat(lengths >= _STILL, lengths)
+    moving = np.where(still, np.nan, values)
+    if still.sum() <= _RESTING * still.size or min(_estimates(moving), default=0.0) <= quantum(values):
+        return values
+    return moving
 
 
 def _calmed(values: FloatArray, differences: float) -> float:
@@ -248,6 +265,7 @@ def noise_flags(
     that the scatter from sample to sample does not show; errors of time stamps by `jitter` [s] explain a part of it.
     NaN are gaps, and marks say nothing.
     """
+    values = _without_rests(values)
     estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)
     scatter = _calmed(values, scatter) if band is None else scatter

@@ -180,8 +180,10 @@ def read_recording(
     stated = _stated_noise(rig, found.channels)
     flags = _checked(rig, found)
     repeats = [flag for flag in flags if flag.code == REPEATED]
-    if found.inputs is None and found.outputs and rig.traits.returns:
-        flags += swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
+    if found.inputs is None and "output" in found.outputs:
+        told = swing_flags(found.names["output"], found.time, found.outputs["output"], _own_period(rig))
+        # Part of a swing may as well be the way of what nothing pulls back.
+        flags += [flag for flag in told if rig.traits.returns or flag.code == "swings_few"]
     noise, bands, more = cleaned(rig, found, stated)
     check_signals(found, rig.traits.fewest)
     jitter, told = timed(rig, found, noise, stated, bands, repeats)

@@ -106,7 +106,7 @@ def dependence_table(run: Run) -> Table | None:
     for d in residual["before"]["dependence"]:
         other = after.get(d["variable"], {"share": None, "p_value": None})
         both = [told for x in (d, other) for told in (significant(x["share"], 2), chance(x["p_value"]))]
-        cells.append([d["variable"], *both])
+        cells.append([run.state_name(d["variable"]), *both])
         raw.append([d["variable"], d["share"], d["p_value"], other["share"], other["p_value"]])
     head = ("sorted by", "before: share", "p value", "after: share", "p value")
     keys = ("variable", "before_share", "before_p_value", "after_share", "after_p_value")
@@ -176,7 +176,7 @@ def effects_table(run: Run) -> Table | None:
 
 def model_error_table(run: Run) -> Table:
     """Return the model error before and after, and the size up to which it counts as none."""
-    error = run.loop["model_error"]
+    error = run.told["model_error"]
     sizes = {"before": "declared model", "after": "final model", "held": "held out", "least": "counts as none, up to"}
     scale = scale_for(error["unit"], max((error[k] or 0.0 for k in sizes), default=0.0))
     cells = [[text, scale.text(error[key]), scale.symbol] for key, text in sizes.items()]

@@ -85,7 +85,7 @@ def _undecided(found: Record) -> str:
         )
     else:
         reach = f"{most['deflection']:.3g} {found['deflection_unit']}"
-        limits = f"{most['duration']:.3g} s, output up to {reach}, as it was recorded"
+        limits = f"{most['duration']:.3g} s, output up to {reach}, a tenth beyond what was recorded"
         help_ = (
             _stay(found)
             if _runs_away(found)

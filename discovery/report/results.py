@@ -109,12 +109,13 @@ class Run:
 
     @property
     def told(self) -> Mapping[str, Any]:
-        """The content of loop.json; without a rod, what it calls deflection is named by what is read."""
+        """The content of loop.json, in which states are named in the words of a reader."""
         error = self.loop["model_error"]
-        if self.system.has_rod:
-            return self.loop
-        names = [self.output_name if name == "deflection" else name for name in error["depends_on"]]
-        return {**self.loop, "model_error": {**error, "depends_on": names}}
+        return {**self.loop, "model_error": {**error, "depends_on": [*map(self.state_name, error["depends_on"])]}}
+
+    def state_name(self, name: str) -> str:
+        """Return a state in the words of a reader: without a rod, what is read; results of old call it deflection."""
+        return name if self.system.has_rod or name not in ("output", "deflection") else self.output_name
 
     @property
     def input_name(self) -> str:

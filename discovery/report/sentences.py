@@ -1,7 +1,6 @@
 """The sentences that say what a search decided, made from the records of loop.json and from nothing else.
 
 The console, the page, the table of a campaign and the comparison of runs all say the same. No program reads a sentence.
-
 """
 
 from __future__ import annotations
@@ -151,15 +150,16 @@ def _accepted(numbers: Record) -> str:
 
 
 def _held_out(numbers: Record) -> str:
+    """Return what is missed held out, and by which score: over the intervals of parameters, or by their estimate."""
     # Results of old do not hold what the estimate alone predicts.
-    ahead = numbers.get("ahead", numbers["held"])
-    held, who = min((numbers["held"], ""), (ahead, "its estimate alone "))
-    if abs(held) < _NOTHING:
-        return f"the log evidence {_change(numbers['train'])} nats in training, and nothing on the held-out recordings"
+    held, ahead = numbers["held"], numbers.get("ahead", numbers["held"])
+    if ahead < held and not abs(ahead - held) < _NOTHING:
+        alone = _change(ahead, few=True) if abs(ahead) >= _NOTHING else "gains nothing"
+        return f"the log evidence {_both(numbers)}, but its estimate alone {alone} there"
     # After "gains" in training the verb is said again only of another one.
-    change = _change(held, few=True) if who else _change(held, few=True).removeprefix("gains ")
-    gained = _change(numbers["train"])
-    return f"the log evidence {gained} nats in training, but {who}{change} on the held-out recordings"
+    missed = f"but {_change(held, few=True).removeprefix('gains ')}" if abs(held) >= _NOTHING else "and nothing"
+    alone = f" over its intervals; its estimate alone gains {plain(ahead)} there" if held < _NOTHING <= ahead else ""
+    return f"the log evidence {_change(numbers['train'])} nats in training, {missed} on the held-out recordings{alone}"
 
 
 def _laplace(numbers: Record) -> str:
@@ -235,7 +235,9 @@ def _change(value: float, *, few: bool = False) -> str:
 def _both(numbers: Record) -> str:
     """Return how the log evidence changes in training and held out, with one verb where that is the same."""
     train, held = _change(numbers["train"]), _change(numbers["held"])
-    if (numbers["train"] >= 0) == (numbers["held"] >= 0):
+    if abs(numbers["held"]) < _NOTHING:
+        held = "nothing"
+    elif (numbers["train"] >= 0) == (numbers["held"] >= 0):
         held = plain(abs(numbers["held"]))
     return f"{train} nats in training and {held} held out"
 

@@ -123,13 +123,14 @@ def steps(run: Run) -> list[dict[str, Any]]:
         effects = [effect_name(e) for e in step["effects"]]
         what = " for ".join(effects) if step["action"] == "exchange" else listed(effects)
         titles = [effect_title(e) for e in step["effects"]] if step["action"] in ("mechanics", "add") else []
-        found.append(
-            {
-                "head": f"{head}: {what}" if what else head,
-                "outcome": yes if step["accepted"] else no,
-                "title": "; ".join(t for t, name in zip(titles, effects, strict=False) if t != name),
-                "reason": decision_sentence(step),
-                "doubt": doubts_answer(step["code"], complete=complete, named=named),
-            }
-        )
+        told = {
+            "head": f"{head}: {what}" if what else head,
+            "outcome": yes if step["accepted"] else no,
+            "title": "; ".join(t for t, name in zip(titles, effects, strict=False) if t != name),
+            "reason": decision_sentence(step),
+            "doubt": doubts_answer(step["code"], complete=complete, named=named),
+        }
+        # A set that is refused beside two others, of which it holds both, is tried twice and told once.
+        if told not in found:
+            found.append(told)
     return found

@@ -61,7 +61,7 @@ def _recording(role: str, e: Experiment) -> dict[str, Any]:
         "duration_s": float(e.recording.time[-1] - e.recording.time[0]),
         # Of rounded times no single step is right.
         "rate_hz": float((e.recording.time.size - 1) / np.ptp(e.recording.time)),
-        "largest_deflection": largest_deflection([e]),
+        "largest_deflection": largest_deflection([e], whole=True),
         "deflection_unit": e.deflection_unit,
         "channels": list(e.recording.channels),
         "units": list(e.recording.units),
