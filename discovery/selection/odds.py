@@ -9,7 +9,7 @@ Held out it must gain half the nats, also by the estimate alone; it stays until 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -54,6 +54,11 @@ class Odds:
     def predicted(self) -> float:
         """What the held-out recordings gain by either score."""
         return min(self.held, self.ahead)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """All of it, for the record of a decision."""
+        return {**asdict(self), "odds": self.total}
 
     def code(self, settings: LoopSettings, least: float) -> str:
         """Return "accepted", or what is missing; `least` is what the held-out part must gain, over the nats."""

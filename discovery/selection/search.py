@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 
 import numpy as np
 
@@ -113,7 +112,7 @@ class Search:
                 odds, code = self._judged(self.best, simpler)
                 if code != "accepted" and odds.held <= most and self._judged(simpler, rest)[1] == "accepted":
                     (new,) = near.intersection(simpler.added)
-                    self.decisions.append(Decision("exchange", (effect, new), True, code, _numbers(odds)))
+                    self.decisions.append(Decision("exchange", (effect, new), True, code, odds.numbers))
                     self.best = simpler
                     break
         return self.best is not before
@@ -145,7 +144,7 @@ class Search:
             weak = [e for e, (_, code) in judged.items() if code != "accepted"]
             if not (effect := max(weak, key=lambda e: smaller[e].joint, default="")):
                 return
-            self.decisions.append(Decision("remove", (effect,), True, judged[effect][1], _numbers(judged[effect][0])))
+            self.decisions.append(Decision("remove", (effect,), True, judged[effect][1], judged[effect][0].numbers))
             self.best = smaller[effect]
 
     def _ask_the_unknown(self) -> None:
@@ -215,14 +214,20 @@ class Search:
         leading, refused = self._leading(plain), pairs if len(of_plain) < len(pairs) else []
         if any(self._take(_plain(self.offers.beside(c))) for c in leading) or any(map(self._take, (pliable, refused))):
             return True
-        return any(self._take(self.offers.beside(c)) for c in [*leading, *self._leading([*offered, *pairs])])
+        # Flexible laws and two at once imitate what is not there, and then predict worse.
+        leading += self._leading([*offered, *pairs], ahead=True)
+        return any(self._take(self.offers.beside(c)) for c in leading)
 
-    def _leading(self, offered: Sequence[Contender]) -> list[Contender]:
-        """Return the refused sets that gain most in training, beside nothing: each may be part of a larger one."""
+    def _leading(self, offered: Sequence[Contender], *, ahead: bool = False) -> list[Contender]:
+        """Return the refused sets that gain most in training, beside nothing: each may be part of a larger one.
+
+        `ahead`: of those that gain something held out by either score.
+        """
         settings = self.context.settings
-        gains = {c: odds_of(c, self.best, self.root, settings).train for c in offered if c.chi2 < self.best.chi2}
-        worth = [c for c, gain in gains.items() if gain > _WORTH * settings.nats and self.neighbours.affords(c)]
-        return sorted(worth, key=lambda c: -gains[c])[: 0 if self.best.added else settings.budget.beam]
+        odds = {c: odds_of(c, self.best, self.root, settings) for c in offered if c.chi2 < self.best.chi2}
+        worth = [c for c, o in odds.items() if o.train > _WORTH * settings.nats and self.neighbours.affords(c)]
+        found = (c for c in worth if not ahead or max(odds[c].held, odds[c].ahead) > 0)
+        return sorted(found, key=lambda c: -odds[c].train)[: 0 if self.best.added else settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
         """Make the most likely set that is accepted the best one."""
@@ -231,7 +236,7 @@ class Search:
         for contender in self._simplest_first(offered)[:_TRIED]:
             odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
-            self.decisions.append(Decision("add", new, code == "accepted", code, _numbers(odds), told))
+            self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
             if code == "accepted":
                 self.best = contender
                 return True
@@ -271,7 +276,7 @@ class Search:
             smaller = self.neighbours.without(self.best, effect)
             odds, code = self._judged(self.best, smaller, stays=True)
             if code != "accepted":
-                self.decisions.append(Decision("remove", (effect,), True, code, _numbers(odds)))
+                self.decisions.append(Decision("remove", (effect,), True, code, odds.numbers))
                 self.best = smaller
                 continue
             self._exchange(effect, smaller)
@@ -292,7 +297,3 @@ class Search:
 def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
     """Return those sets whose last effect, or so many of them, could imitate no others."""
     return [c for c in offered if not any(get_effect(e).pliable for e in c.added[-new:])]
-
-
-def _numbers(odds: Odds) -> dict[str, float]:
-    return {**asdict(odds), "odds": odds.total}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,7 +49,7 @@ class Named:
 
     def evidence(self) -> dict[str, float]:
         """Return the numbers of the report."""
-        return {**asdict(self.odds), "odds": self.odds.total, **self.force}
+        return {**self.odds.numbers, **self.force}
 
 
 def least_error(contender: Contender, root: Contender, context: Context) -> float:
