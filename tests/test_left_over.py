@@ -189,7 +189,7 @@ def test_scatter_is_told_once() -> None:
         errors = {"unit": "m", "noise_floor": 1.0, "holdout_scatter": 9.0, "after": rms}
         plain = {"errors": errors, "complete": True, "impossible": True}
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
-        result: Any = SimpleNamespace(after=after, added=(), model_error=error, **{**plain, **more})
+        result: Any = SimpleNamespace(before=after, after=after, added=(), model_error=error, **{**plain, **more})
         result._left = lambda *, trained: left
         return LoopResult.cautions.func(result)  # type: ignore[attr-defined]
 

@@ -266,7 +266,8 @@ def test_the_summary_keeps_the_contract(name: str) -> None:
 
 def test_where_nothing_is_tested_against_the_rig_its_lists_are_empty() -> None:
     search: Any = SimpleNamespace(best=SimpleNamespace(added=()))
-    context: Any = SimpleNamespace(settings=LoopSettings())
+    arm = SimpleNamespace(system=SimpleNamespace(has_rod=True))
+    context: Any = SimpleNamespace(settings=LoopSettings(), train=[arm])
     unasked: Any = contradiction_of(search, search, context, complete=False)
     assert unasked.summary() == {"checks": [], "contradictions": []}
 

@@ -495,7 +495,7 @@ def test_a_flexible_law_is_tried_beside_a_refused_plain_one_after_all_else(monke
 
     monkeypatch.setattr(search, "_take", take)
     monkeypatch.setattr(search, "_leaves_noise", lambda: False)
-    monkeypatch.setattr(search, "_leading", lambda plain: plain)
+    monkeypatch.setattr(search, "_leading", lambda some, *, ahead=False: [] if ahead else some)
     offers = SimpleNamespace(beside=lambda node: beside[node.added if node is alone else node], pairs=lambda _: [])
     monkeypatch.setattr(search, "offers", offers)
     assert search._forward()

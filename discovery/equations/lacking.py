@@ -36,7 +36,7 @@ def candidates(
     def is_shown(name: str) -> bool:
         effect = get_effect(name)
         turning = (placed_at[effect.place].unit if effect.place else unit) in ("rad", "1")
-        held = effect.kind == "potential" and not effect.angular
+        held = (effect.anchored or effect.kind == "potential") and not effect.angular
         return (turns or not effect.remembers) and not (spins and turning and held)
 
     return tuple(filter(is_shown, acting))
