@@ -356,7 +356,10 @@ def test_a_force_that_bends_the_rod_in_more_modes_than_the_search_follows_is_jud
     force = PeriodicDisturbance(amplitude=0.05, frequency=13.6, phase=0.6, direction=1.7)
     result = of_another_arm(tmp_path, rig, force, 100)
     assert [e for e in result.added if e not in GEOMETRY] == ["periodic_disturbance"]
-    assert result.verdict == "explained"
+    assert result.after.model.base == "elastica_4"
+    # Four coordinates leave a little, too: about what counts as none.
+    assert result.verdict in ("explained", "partly_explained")
+    assert result.model_error.after < min(0.1 * result.model_error.before, 1.3 * result.model_error.least)
     assert result.after.values["Omega"] == pytest.approx(13.6, rel=1e-3)
 
 

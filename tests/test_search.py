@@ -76,10 +76,11 @@ def test_a_clean_recording_gets_nothing() -> None:
 
 @pytest.mark.parametrize(
     "effects",
-    [{"beta": 1.0, "f_c": 0.02}, pytest.param({"c_2": 0.3, "tau": 0.01}, marks=pytest.mark.slow)],
+    [{"beta": 1.0, "f_c": 0.02}, pytest.param({"c_2": 0.3, "tau": 0.04}, marks=pytest.mark.slow)],
     ids=lambda e: " and ".join(e),
 )
 def test_two_effects_are_both_found_and_nothing_else(effects: dict[str, float]) -> None:
+    """A delay of a quarter of this one is as well a lag of the input."""
     search = searched(**effects)
     assert set(search.best.added) == {OWNERS[n] for n in effects}
     for name, value in effects.items():
