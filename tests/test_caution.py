@@ -270,7 +270,8 @@ def test_a_constant_that_its_guess_holds_on_the_wrong_side_of_zero_is_doubted(
     tmp_path: Path, guess: float, doubted: bool
 ) -> None:
     data = load_dataset(seen(tmp_path, place=guess), [tmp_path / "a.csv"])
-    found = held_sign(first_fit(data.train, natural_units(data.train)))
+    fitted = first_fit(data.train, natural_units(data.train))
+    found = held_sign(fitted, fitted)
     assert (found is not None) == doubted
     if found is not None:
         assert "place of the declared model ends at zero" in (words := caution_sentence(found.summary()))
@@ -289,6 +290,23 @@ def test_recordings_overrule_a_constant_that_is_stated_wrong_and_no_effect_is_na
     assert float(told.split()[2]) == pytest.approx(1.0, abs=0.002)
     assert "contradicts what the rig file states, 1.300" in told
     assert told.endswith("the recordings overrule it. Is the rig file right?")
+
+
+def test_of_two_constants_that_only_their_ratio_tells_the_one_that_moved_is_told(tmp_path: Path) -> None:
+    rig = seen(tmp_path, mass="value = 1.3, sd = 0.02")
+    text = rig.read_text(encoding="utf-8").replace("spring = { value = 40.0,", "spring = { value = 40.0, sd = 0.5,")
+    rig.write_text(text, encoding="utf-8")
+    (told,) = close_loop(load_dataset(rig, [tmp_path / "a.csv"])).summary()["contradiction"]["contradictions"]
+    assert (told["parameter"], told["overruled"]) == ("mass", True)
+
+
+@pytest.mark.parametrize("place", ["value = 0.0, sd = 0.02", "value = -0.005, sd = 0.02", "value = 1e-7, sd = 0.02"])
+def test_a_stated_constant_may_change_its_sign(tmp_path: Path, place: str) -> None:
+    rig = seen(tmp_path, place=0.5)
+    rig.write_text(rig.read_text(encoding="utf-8").replace("guess = 0.5", place), encoding="utf-8")
+    found = close_loop(load_dataset(rig, [tmp_path / "a.csv"]))
+    assert (found.verdict, found.cautions) == ("nothing_missing", [])
+    assert found.after.values["place"] == pytest.approx(0.02, abs=1e-3)
 
 
 def test_a_constant_that_is_stated_right_is_left_alone(tmp_path: Path) -> None:

@@ -250,3 +250,12 @@ def test_what_predicts_worse_than_a_constant_gains_nothing_over_what_runs_away()
     assert min(scores(good)) > least + 100
     free = [evidence_of(problem(SLOPES, y, held=off)).ahead for off in (bad, mad)]
     assert free[0] > free[1] + 100
+
+
+@pytest.mark.parametrize(("second", "missed"), [(-1.0, False), (-2.0, True)])
+def test_a_hold_out_is_missed_where_the_estimate_leaves_more_than_noise(second: float, *, missed: bool) -> None:
+    """Whatever it takes for its own: fitted to it, the law would leave noise."""
+    held = SLOPES @ [0.5, second] + drawn(0.0, 8)
+    found = evidence_of(problem(SLOPES, SLOPES @ [0.5, -1.0] + drawn(0.0, 7), held=held))
+    assert found.misses is missed
+    assert found.chi2_ahead > found.chi2_held

@@ -230,6 +230,20 @@ def test_a_body_that_stands_still_says_nothing_of_the_noise_of_its_motion(rest, 
     values = level + np.round(np.concatenate([np.zeros(rest), moving]), 1)
     assert estimate_noise(values) == pytest.approx(5.0, rel=0.2)
     assert noise_flags("rpm", "rpm", 0.01 * np.arange(values.size), values, 5.0) == []
+    # Nor do empty cells between its readings.
+    between = np.full(2 * values.size, np.nan)
+    between[::2] = values
+    assert estimate_noise(between) == estimate_noise(values)
+
+
+def test_short_moves_between_rests_are_no_noise():
+    """An encoder without noise, from one place to the next within twenty readings."""
+    for seed in range(20):
+        moves = np.random.default_rng(seed).uniform(5.0, 50.0, 6)
+        shape = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 20))
+        places = np.concatenate([[0.0], np.cumsum(moves)])
+        way = [np.concatenate([a + b * shape, np.full(80, a + b)]) for a, b in zip(places, moves, strict=False)]
+        assert estimate_noise(np.round(np.concatenate(way))) < 1.0
 
 
 def test_readings_alike_within_a_step_belong_to_the_noise():

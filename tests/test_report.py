@@ -530,7 +530,7 @@ def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
     }  # fmt: skip
     said = {
         "parameter": "alpha", "reconciling": ["base_compliance"], "tried": [tried], "sought": True, "gross": False,
-        "overruled": False,
+        "overruled": None,
     }  # fmt: skip
     results["loop"]["contradiction"] = {"checks": [check], "contradictions": [said]}
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
@@ -827,6 +827,8 @@ def test_the_equation_has_its_numbers_and_no_two_of_them_touch() -> None:
     assert _with_numbers(stiffness, {r"\beta": -25722.1}) == r"x - 25\,720 q"
     taken = stiffness.replace("+", "-")
     assert _with_numbers(taken, {r"\beta": -2.5}) == "x + 2.500 q"
+    # A sum in brackets keeps them.
+    assert with_printed(r"x + \left(- b - q\right) y", {"b": "0.2"}) == r"x + \left(- 0.2 - q\right) y"
     assert _with_numbers("v_c^{2}", {"v_c": 7.974e-5}) == r"\left(7.974\times 10^{-5}\right)^{2}"
     assert _with_numbers("2 w_h^{2}", {"w_h": 0.1007}) == r"2 \cdot 0.1007^{2}"
     touching = _with_numbers(body, {r"\alpha": 7.974e-5, r"\delta_0": 0.5e-4})

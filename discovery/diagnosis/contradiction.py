@@ -190,7 +190,8 @@ class Contradiction:
     check: Check
     tried: tuple[Reconciliation, ...]
     sought: bool = True
-    overruled: bool = False  # whether the fit went by the recordings and not by the rig file
+    #: Of a constant of a declared system, whether the fit goes by the recordings and not by the rig file.
+    overruled: bool | None = None
 
     @property
     def reconciling(self) -> tuple[str, ...]:
@@ -256,7 +257,8 @@ def check_contradictions(
             continue
         name, target = check.parameter, (check.predicted, check.predicted_sd)
         if declared:
-            contradictions.append(Contradiction(check, (), sought=False, overruled=True))
+            moved = abs(fit.values[name] - check.value) < abs(fit.values[name] - check.predicted)
+            contradictions.append(Contradiction(check, (), sought=False, overruled=moved))
             continue
         if arm:
             freed = _quicker(freed, bench, name, target[0], context)
@@ -266,7 +268,9 @@ def check_contradictions(
             name, target = "g_c", (share * check.predicted, abs(share) * check.predicted_sd)
         tried = reconcile(freed, name, target, candidates, context)
         contradictions.append(Contradiction(check, tried, sought=bool(candidates)))
-    return ContradictionReport(tuple(c for c, _ in found), tuple(contradictions))
+    # Of constants that the recordings tell together, one that moved answers for the others.
+    overruled = [c for c in contradictions if c.overruled]
+    return ContradictionReport(tuple(c for c, _ in found), tuple(overruled or contradictions))
 
 
 def _quicker(fit: Fit, bench: Bench | None, name: str, target: float, context: Context) -> Fit:

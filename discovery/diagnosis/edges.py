@@ -29,13 +29,14 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
     for name, value, low, high in zip(problem.free, fitted.minimum.x, *problem.bounds, strict=False):
         parameter = problem.model.parameters[name]
         near = _EDGE * (high - low)
+        if name in problem.gaussian or parameter.physical or not np.isfinite(near):
+            continue
         # Of a range on one side of zero the end that is nearer to it is where the quantity is absent. A shape, as a
         # width, is not absent at an end that is no zero, and its range spans decades.
         lowest = low + (min(near, _EDGE * abs(low)) if parameter.shape else near)
         ends = low < 0 or (parameter.shape and low > 0)
         at_edge = (high > 0 and value >= high - near) or (ends and value <= lowest)
-        left_out = name in problem.gaussian or parameter.physical
-        if left_out or not np.isfinite(near) or not at_edge:
+        if not at_edge:
             continue
         numbers = {"value": float(value), "unit": fitted.told(name)["unit"]}
         found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
@@ -53,18 +54,22 @@ def strayed_constant(fitted: Fit) -> Caution | None:
     return Caution("strayed", name, numbers=numbers)
 
 
-def held_sign(declared: Fit) -> Caution | None:
+def held_sign(declared: Fit, final: Fit) -> Caution | None:
     """Return the constant that the sign of its guess holds at zero; None where the readings do not ask for the other.
 
     They ask by the standard deviations by which it would go beyond, to first order, where readings scatter as much as
-    what is left. `declared`: the model without what was added.
+    what is left. `declared`: the model without what was added. `final`: with it; where that tells the constant from
+    zero, what was added was missing.
     """
     problem, found = declared.problem, declared.minimum
     scatter, most, named = math.sqrt(max(1.0, declared.reduced_chi2)), _BEYOND, None
     others = found.jacobian[:, ~found.at_bound]
     for name, value, slope, stopped in zip(problem.free, found.x, found.jacobian.T, found.at_bound, strict=False):
         parameter = problem.model.parameters[name]
-        if not (stopped and parameter.physical and abs(value) < abs(parameter.default)):
+        guessed = parameter.physical and name not in problem.gaussian
+        if not (stopped and guessed and abs(value) < abs(parameter.default)):
+            continue
+        if abs(final.values[name]) > _BEYOND * final.sd.get(name, math.inf):
             continue
         alone = slope - others @ np.linalg.lstsq(others, slope, rcond=None)[0]
         beyond = float(slope @ found.residual) * np.sign(value) / max(scatter * float(np.linalg.norm(alone)), 1e-300)

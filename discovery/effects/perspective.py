@@ -16,7 +16,12 @@ class Perspective(Sensor):
     systems = frozenset({OSCILLATOR})
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.2"
     p_y = Parameter(
-        "q^-1", "relative change of scale per length", (-0.3, 0.3), Normal(0.0, 0.03), starts=(0.005, -0.005), latex="p"
+        "q^-1",
+        "relative change of scale per reading",
+        (-0.6, 0.6),
+        Normal(0.0, 0.05),
+        starts=(0.005, -0.005),
+        latex="p",
     )
 
     def oscillator_reading(self, output):

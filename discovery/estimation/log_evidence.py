@@ -23,7 +23,7 @@ from discovery.foundation.arrays import FloatArray
 _LOG_2PI = float(np.log(2 * np.pi))
 #: Times as sure of its parameters as its intervals say, a set predicts by its estimate alone.
 _SURE = 1e8
-#: Standard deviations of the score of noise by which a prediction may fall short of it.
+#: Standard deviations of the chi-square of noise by which a prediction may leave more.
 _ALLOWED = 3.0
 #: Smallest size of a model error that is told from none [noise sds]; factor between the first sizes that are tried.
 _LEAST, _FACTOR = 0.02, 4.0
@@ -89,7 +89,10 @@ class Evidence:
     gained: float  # what the step to the generalised least squares estimate gained, to first order [nats]
     step: FloatArray  # (p,), that step
     covariance: FloatArray  # (p, p), of the parameters, from the training recordings
-    chi2_held: float = 0.0  # what is left of the held-out recordings at their mode [noise variances]
+    #: chi2_held, chi2_ahead: what is left of the held-out recordings at their mode, and with the estimate's parameters
+    #: [noise variances].
+    chi2_held: float = 0.0
+    chi2_ahead: float = 0.0
     count_held: int = 0  # number of their readings
 
     @property
@@ -99,9 +102,9 @@ class Evidence:
 
     @property
     def misses(self) -> bool:
-        """Whether the estimate predicts what is held out less well than noise of the size of training would allow."""
+        """Whether the estimate leaves more of what is held out than noise of the size of training would."""
         n = self.count_held
-        return -0.5 * n * (_LOG_2PI + 1 + 2 * np.log(self.white)) - self.ahead > _ALLOWED * np.sqrt(0.5 * n)
+        return bool(self.chi2_ahead > self.white**2 * (n + _ALLOWED * np.sqrt(2 * n)))
 
     @classmethod
     def none(cls) -> Evidence:
@@ -200,6 +203,7 @@ def evidence_of(problem: Linearised) -> Evidence:
         step=at.step,
         covariance=covariance,
         chi2_held=sum(_left(part, h.likeliest.step) for part, h in zip(problem.held, held, strict=True)),
+        chi2_ahead=sum(_left(part, a.likeliest.step) for part, a in zip(problem.held, ahead, strict=True)),
         count_held=sum(counts),
     )
 

@@ -20,6 +20,8 @@ from discovery.foundation.errors import InputError
 INPUT = (s.theta_m, s.omega_m, s.alpha_m)
 #: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
 _FARTHEST = 1e4
+#: Standard deviations by which a stated value differs from zero where it keeps its sign.
+_SIGNED = 5.0
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,8 @@ def constant_parameter(name: str, constant: Constant) -> Parameter:
         prior = LogUniform(size, _FARTHEST)
     elif constant.sd is not None:
         prior = Stated(constant.value, constant.sd)
-    if size and prior.is_proper:
+    # A sign that is stated within several standard deviations is one.
+    if constant.free or size > _SIGNED * (constant.sd or np.inf):
         near, far = constant.value / _FARTHEST, constant.value * _FARTHEST
         bounds = (min(near, far), max(near, far))
     return Parameter(

@@ -39,6 +39,7 @@ _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
 _SURE = 4.0  # standard deviations
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
+_SAME = 0.8  # part of the largest estimate that the smallest is where all hold noise alone
 _STILL, _RESTING = 9, 0.1  # readings alike, as many as the highest differences take; share of all that moves a median
 
 
@@ -173,15 +174,23 @@ def estimate_noise(values: FloatArray, time: FloatArray | None = None) -> float:
 def _without_rests(values: FloatArray) -> FloatArray:
     """Return readings (n,) with NaN for those that stand still on one value, where the noise of the others moves them.
 
-    Noise of less than a step leaves readings alike: those that are do belong to it. Few hardly move a median.
+    Noise of less than a step leaves readings alike: those that are do belong to it. Few hardly move a median. It is
+    noise where differences of all orders tell the same; of a short motion they hold the motion.
     """
-    first = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
-    lengths = np.diff(first, append=values.size)
+    good = np.isfinite(values)
+    read = values[good]
+    first = np.flatnonzero(np.diff(read, prepend=np.nan) != 0.0)
+    lengths = np.diff(first, append=read.size)
     still = np.repeat(lengths >= _STILL, lengths)
-    moving = np.where(still, np.nan, values)
-    if still.sum() <= _RESTING * still.size or min(_estimates(moving), default=0.0) <= quantum(values):
+    moving = np.where(still, np.nan, read)
+    estimates = _estimates(moving)
+    if still.sum() <= _RESTING * still.size or not quantum(read) < min(estimates, default=0.0) >= _SAME * max(
+        estimates
+    ):
         return values
-    return moving
+    found = values.copy()
+    found[good] = moving
+    return found
 
 
 def _calmed(values: FloatArray, differences: float) -> float:

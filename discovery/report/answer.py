@@ -24,9 +24,10 @@ _DIGITS = 4
 #: What a short name of a group of recordings leaves out.
 _SHORT = re.compile(" the trained .*")
 #: A negative number that is added, or taken away, at the begin of a term.
-_ADDED_NEGATIVE = re.compile(r"([+-]) \\left\(-([^()]*)\\right\)(?!\^)")
+_ADDED_NEGATIVE = re.compile(r"([+-]) \\left\(-((?:[\d.]|\\,|\\times 10\^\{-?\d+\}| )+)\\right\)(?!\^)")
 #: What is part of a symbol, or of words: an index, what has dots above it, a name in letters.
-_PARTS = r"_\{(?:[^{}]|\{[^{}]*\})*\}|_\\mathrm\{\w*\}|_\w|\\(?:text|mathrm|d+ot)\{(?:[^{}]|\{[^{}]*\})*\}|\\[A-Za-z]+"
+_BODY = r"\{(?:[^{}]|\{[^{}]*\})*\}"
+_PARTS = rf"_{_BODY}|_\\mathrm\{{\w*\}}|_\w|\\(?:text|mathrm|operatorname|begin|end|d+ot){_BODY}|\\[A-Za-z]+"
 
 
 def certainty(run: Run) -> list[tuple[str, str]]:

@@ -205,8 +205,9 @@ def _contradiction(found: Record, check: Record) -> str:
         f"{check['source']}, {estimate_text(check['predicted'], check['predicted_sd'])} "
         f"({figures(abs(check['z']), 2)} standard deviations apart); "
     )
-    if found["overruled"]:
-        return head + "the recordings overrule it. Is the rig file right?"
+    if found["overruled"] is not None:
+        kept = "the fit keeps to what is stated, and added effects may make up for it"
+        return head + f"{'the recordings overrule it' if found['overruled'] else kept}. Is the rig file right?"
     if not found["sought"]:
         return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
     if not found["reconciling"]:

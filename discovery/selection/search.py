@@ -190,7 +190,7 @@ class Search:
         return promise < chance
 
     def _leaves_noise(self) -> bool:
-        """Return whether the model error of the best set is told from none."""
+        """Return whether the model error of the best set cannot be told from none."""
         return max(self.best.evidence.error, self.best.evidence.error_held) <= self.context.least_error(self.best.model)
 
     def _forward(self) -> bool:
@@ -236,7 +236,8 @@ class Search:
         for contender in self._simplest_first(offered)[:_TRIED]:
             odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
-            self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
+            if not any((d.effects, d.numbers) == (new, odds.numbers) for d in self.decisions):
+                self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
             if code == "accepted":
                 self.best = contender
                 return True
