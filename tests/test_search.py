@@ -286,7 +286,7 @@ def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> N
 
     def size(held: float) -> float:
         """Return the size of friction where it leaves so many noise variances more of each held-out reading."""
-        changed = {"chi2_held": search.best.evidence.chi2_held + held * search.best.evidence.count_held}
+        changed = {"chi2_ahead": search.best.evidence.chi2_ahead + held * search.best.evidence.count_held}
         without = dataclasses.replace(smaller, evidence=dataclasses.replace(smaller.evidence, **changed))
         return odds_of(search.best, without, search.root, search.context.settings).size
 

@@ -90,7 +90,7 @@ class Evidence:
     step: FloatArray  # (p,), that step
     covariance: FloatArray  # (p, p), of the parameters, from the training recordings
     #: chi2_held, chi2_ahead: what is left of the held-out recordings at their mode, and with the estimate's parameters
-    #: [noise variances].
+    #: unless these run away there [noise variances].
     chi2_held: float = 0.0
     chi2_ahead: float = 0.0
     count_held: int = 0  # number of their readings
@@ -203,7 +203,10 @@ def evidence_of(problem: Linearised) -> Evidence:
         step=at.step,
         covariance=covariance,
         chi2_held=sum(_left(part, h.likeliest.step) for part, h in zip(problem.held, held, strict=True)),
-        chi2_ahead=sum(_left(part, a.likeliest.step) for part, a in zip(problem.held, ahead, strict=True)),
+        chi2_ahead=sum(
+            _left(part, (a if a.integrated > c else h).likeliest.step)
+            for part, a, h, c in zip(problem.held, ahead, held, least, strict=True)
+        ),
         count_held=sum(counts),
     )
 

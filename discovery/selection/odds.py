@@ -108,12 +108,13 @@ def _sizes(
 ) -> tuple[float, float, float]:
     """Return how far a set moves the residual, the model error that it leaves, and what laws are expected to, all rms.
 
-    In training, or in training and held-out recordings together: an effect may show in the larger motion of either.
+    In training, or in training and held-out recordings together: an effect may show in the larger motion of either, or
+    in what is predicted.
     One effect could take all that laws leave: where it moves as much as the share `law`, its odds are the nats.
     """
     parts = [(c.chi2, c.refit.problem.bench.n_data, c.evidence.error) for c in (larger, smaller, root)]
     if judged:
-        held = [(c.evidence.chi2_held, c.evidence.count_held, c.evidence.error_held) for c in (larger, smaller, root)]
+        held = [(c.evidence.chi2_ahead, c.evidence.count_held, c.evidence.error_held) for c in (larger, smaller, root)]
         both = zip(parts, held, strict=True)
         parts = [(q + r, n + m, np.sqrt((n * a**2 + m * b**2) / (n + m))) for (q, n, a), (r, m, b) in both]
     (chi2, n_data, error), (without, *_), (bare, *_) = parts

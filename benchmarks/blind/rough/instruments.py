@@ -33,7 +33,7 @@ def _lens(rng: Generator, size: float, noise: float, frequency: float) -> Ingred
         return Action(optics=see)
 
     shape = {"centre": centre.tolist(), "sign": sign}
-    return Ingredient("lens", act, 8.0, resembles=("position_scale", "cubic_stiffness"), shape=shape)
+    return Ingredient("lens", act, 8.0, resembles=("position_scale", "perspective", "cubic_stiffness"), shape=shape)
 
 
 def _interpolation(rng: Generator, size: float, noise: float, frequency: float) -> Ingredient:
