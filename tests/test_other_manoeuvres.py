@@ -148,7 +148,7 @@ def test_the_sentences_say_what_to_do() -> None:
     moved, let_go = (separation_sentence(which().summary() | {"decides": True}) for which in (course, release))
     assert "move the input by" in moved
     assert "turn" not in moved
-    assert re.search(r"let it go at [+-][\d.e-]+ m from rest, at no speed, and record", let_go)
+    assert re.search(r"let it go at [+-][\d.e-]+ m from zero, at no speed, and record", let_go)
     for which in (course, release):
         said = separation_sentence(which().summary() | {"decides": False})
         assert "rad/s" not in said

@@ -41,6 +41,8 @@ _PLACES = 12
 _SWINGS = 40.0
 #: What is let go swings no further than it was seen to, or hardly.
 _OVERSHOOT = 1.1
+#: It moves to a side of zero where it was seen at so much of its largest deflection.
+_VISITED = 0.2
 
 
 @dataclass(frozen=True)
@@ -222,7 +224,9 @@ def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
     longest = max(float(np.ptp(e.recording.time)) for e in experiments)
     limits = _short(MotorLimits(most, 1.0, 1.0, longest, _OVERSHOOT * seen), fits[0])
     trial = Trial(fits, limits.duration)
-    places = [side * most * part for part in np.linspace(0.05, 1.0, _PLACES) for side in (1.0, -1.0)]
+    # What moves to one side of zero may have a wall at the other.
+    sides = [s for s in (1.0, -1.0) if max(float(np.nanmax(s * e.deflection)) for e in experiments) > _VISITED * seen]
+    places = [side * most * part for part in np.linspace(0.05, 1.0, _PLACES) for side in sides]
     compared = [(trial.compare((), place), place) for place in places]
     known = [found for found in compared if found[0][1] <= limits.deflection]
     laws, given = _laws(fits, [pairs for (pairs, _), _ in known])

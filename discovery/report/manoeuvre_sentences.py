@@ -118,10 +118,11 @@ def _stay(found: Record) -> str:
 def _what_to_do(found: Record) -> str:
     """Return the moves of a designed manoeuvre, or where to let go."""
     if not found["moves"]:
-        place, duration = f"{found['release']:+.3g} {found['unit']}", f"{found['limits']['duration']:.3g} s"
+        unit = "" if found["unit"] == "1" else f" {found['unit']}"
+        place, duration = f"{found['release']:+.3g}{unit}", f"{found['limits']['duration']:.3g} s"
         if found["unit"].endswith("/s"):
             return f"start it at {place}, and record {duration}"
-        return f"let it go at {place} from rest, at no speed, and record {duration}"
+        return f"let it go at {place} from zero, at no speed, and record {duration}"
     moves = [Move(**move) for move in found["moves"]]
     if found["columns"][1] == "motor_angle_rad":
         return "; ".join(
