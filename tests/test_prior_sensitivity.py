@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from discovery.declarations.priors import Flat, HalfStudent, LogNormal, LogUniform, Normal, Stated, Student
+from discovery.declarations.priors import Flat, HalfStudent, LogNormal, LogUniform, Normal, Student
 from discovery.posterior.priors import MarginalPrior, prior_effects
 
 EVERYWHERE = (-math.inf, math.inf)
@@ -24,7 +24,6 @@ EVERYWHERE = (-math.inf, math.inf)
         (Normal(1.0, 2.0), 1.0, (0.0, 1.5), stats.truncnorm(-0.5, 0.25, 1.0, 2.0).std()),
         (HalfStudent(0.3), 10.0, (0.0, math.inf), 3.0 * math.sqrt(3.0 - 12.0 / math.pi**2)),
         (Student(0.3), 10.0, EVERYWHERE, 3.0 * math.sqrt(3.0)),
-        (Stated(0.4, 2.0), 3.0, EVERYWHERE, 6.0 * math.sqrt(2.5)),
         (LogNormal(2.0, 0.7), 5.0, (1e-3, math.inf), stats.lognorm(0.7, scale=10.0).std()),
         (LogUniform(2.0, 100.0), 3.0, (0.06, 600.0), 6.0 * stats.loguniform.std(0.01, 100.0)),
         (LogUniform(2.0, 100.0), 3.0, (-600.0, -0.06), 6.0 * stats.loguniform.std(0.01, 100.0)),
@@ -34,19 +33,6 @@ EVERYWHERE = (-math.inf, math.inf)
 )
 def test_the_width_of_a_prior_within_its_bounds(prior, unit, bounds, sd) -> None:
     assert MarginalPrior(prior.scaled(unit), bounds).sd == pytest.approx(sd, rel=1e-4)
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.floats(-3.0, 3.0), st.floats(0.01, 5.0), st.floats(-100.0, 100.0))
-def test_what_is_stated_is_a_gaussian_near_its_mean_with_the_tails_of_students_t(mean, sd, z) -> None:
-    law, x = Stated(mean, sd), mean + sd * z
-    t = stats.t(4, mean, sd * math.sqrt(1.25))
-    assert law.log_density(x) == pytest.approx(t.logpdf(x), abs=1e-9)
-    near = mean + sd * np.array([-1e-3, 0.0, 1e-3])
-    assert np.diff(law.log_density(near), 2) == pytest.approx(np.diff(stats.norm(mean, sd).logpdf(near), 2), rel=1e-3)
-    step = 1e-4 * sd
-    numeric = (law.residual(x + step) - law.residual(x - step)) / (2 * step)
-    assert law.slope(x) == pytest.approx(float(numeric), rel=1e-5)
 
 
 def test_nothing_is_believed_beyond_the_bounds() -> None:

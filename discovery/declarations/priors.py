@@ -14,8 +14,6 @@ from discovery.foundation.arrays import FloatArray
 
 #: How many widths the nodes of a quadrature reach, and how many scales of a heavy tail.
 _REACH, _FAR = 10.0, 1e6
-#: Degrees of freedom of what is stated, and how near its mean it is the Gaussian.
-_FREEDOM, _NEAR = 4.0, 1e-6
 
 
 @dataclass(frozen=True)
@@ -94,25 +92,13 @@ class Normal(Prior):
 
     def log_density(self, x: ArrayLike) -> FloatArray:
         """Return the Gaussian log density."""
-        return self.peak - 0.5 * self.residual(x) ** 2
+        z = (np.asarray(x, float) - self.mean) / self.sd
+        return -0.5 * z * z - math.log(self.sd * math.sqrt(2 * math.pi))
 
     @property
     def width(self) -> float:
         """The standard deviation."""
         return self.sd
-
-    @property
-    def peak(self) -> float:
-        """Logarithm of the density at the mean."""
-        return -math.log(self.sd * math.sqrt(2 * math.pi))
-
-    def residual(self, x: ArrayLike) -> FloatArray:
-        """Return what half the square of makes the density fall from its peak, as a least-squares fit takes it."""
-        return (np.asarray(x, float) - self.mean) / self.sd
-
-    def slope(self, x: float) -> float:
-        """Return the derivative of `residual`."""
-        return 1.0 / self.sd
 
     def nodes(self, low: float, high: float, count: int) -> FloatArray:
         """Return points as far as the density counts."""
@@ -122,47 +108,6 @@ class Normal(Prior):
     def draws(self, rng: Generator, count: int) -> FloatArray:
         """Return independent draws."""
         return rng.normal(self.mean, self.sd, count)
-
-
-@dataclass(frozen=True)
-class Stated(Normal):
-    """What somebody states with a standard deviation that may be too small: Student's t of four degrees of freedom.
-
-    Around its mean it is as narrow as the Gaussian of that standard deviation; far from it recordings overrule it, at a
-    cost that grows as a logarithm. Source: O'Hagan and Pericchi, Brazilian Journal of Probability and Statistics 26
-    (2012) 372.
-    """
-
-    law = "stated"
-
-    @property
-    def _scale(self) -> float:
-        return self.sd * math.sqrt(1 + 1 / _FREEDOM)
-
-    @property
-    def peak(self) -> float:
-        """Logarithm of the density at the mean."""
-        return math.log(3 / 8 / self._scale)
-
-    def residual(self, x: ArrayLike) -> FloatArray:
-        """Return what half the square of makes the density fall from its peak, as a least-squares fit takes it."""
-        z = (np.asarray(x, float) - self.mean) / self._scale
-        return np.sign(z) * np.sqrt((_FREEDOM + 1) * np.log1p(z * z / _FREEDOM))
-
-    def slope(self, x: float) -> float:
-        """Return the derivative of `residual`."""
-        z = (x - self.mean) / self._scale
-        # Near the mean both go to zero together.
-        along = z / float(self.residual(x)) if abs(z) > _NEAR else math.sqrt(_FREEDOM / (_FREEDOM + 1))
-        return (_FREEDOM + 1) / (_FREEDOM + z * z) * along / self._scale
-
-    def draws(self, rng: Generator, count: int) -> FloatArray:
-        """Return independent draws."""
-        return self.mean + self._scale * rng.standard_t(_FREEDOM, count)
-
-    def nodes(self, low: float, high: float, count: int) -> FloatArray:
-        """Return points densely where the density is large, and far into its tail."""
-        return self.mean + Student(self.sd).nodes(low - self.mean, high - self.mean, count)
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,8 @@ Analysis 1 (2006) 893). Tested are
 * alpha of an exact arm against :math:`3EI / (m_\mathrm{eff} l^3)` of the rig, see `discovery.theory.prediction`;
 * the rod's mass ratio mu and, where it is free, the length against what the rig states;
 * the pull of gravity on a pendulum against its length;
-* constants of a declared system that are stated with a standard deviation, against it. There the search has weighed
-  already whether an effect is likelier than an error of the rig file: its priors have tails, see
-  `discovery.declarations.priors.Stated`.
+* constants of a declared system that are stated with a standard deviation, against it. Where the declared model is far
+  better with another value, its fit has it already, see `discovery.estimation.declared.first_fit`.
 """
 
 from __future__ import annotations
@@ -125,7 +124,9 @@ def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
     for name, (mean, sd, source) in stated.items():
         if not sd or name not in fit.problem.gaussian or name not in fit.problem.free:
             continue
-        freed = _freed(fit, name, (mean, sd))
+        # What the recordings have overruled is free of it already.
+        overruled = rig.system is not None and fit.problem.gaussian[name] != (mean, sd)
+        freed = fit if overruled else _freed(fit, name, (mean, sd))
         if name in freed.reasons:
             continue
         value, spread = freed.values[name], freed.sd[name]

@@ -35,6 +35,8 @@ _PARTS, _FEWEST = tuple(2.0**-k for k in range(8, -1, -1)), 64
 _LEFT = 0.1
 #: A model that lacks an effect has minima about equally low: only one that leaves less than this part is better.
 _BETTER = 0.5
+#: Times the standard deviation that is stated, or part of the value, within which the recordings may overrule it.
+_WIDE, _PART = 30.0, 1 / 3
 #: What leaves less than so many noise variances a reading has no need of another start;
 _NOISE = 2.0
 #: effects with more declared starts than this are scanned elsewhere; each is followed for so many steps.
@@ -46,7 +48,7 @@ _STRAYED = 10.0
 def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
     """Return mean and sd of what may move: stated constants, or the mass and slight damping of an exact arm.
 
-    It is fitted with this prior, of an arm bounded at three standard deviations, so that it cannot swallow an effect.
+    It is fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
     """
     rig = experiment.rig
     if rig.system is not None:
@@ -99,7 +101,7 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
     """Fit the model that the rig file declares, wherever its guesses lead.
 
     A fit that leaves much of the motion, or that a bound stops, is tried again along growing parts of the recordings,
-    and the other one is returned if it leaves less than half.
+    and the other one is returned if it leaves less than half. So is one that is free of a constant that is stated.
 
     `experiments`: recordings to fit. Raises ComputationError if the model blows up from its guesses, and cannot be led
     to the end of the recordings either; InputError if nothing that is fitted changes the reading.
@@ -117,7 +119,8 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
     if _is_doubtful(found):
         found = _better(found, _led_fit(model, experiments, units, gaussian))
     found = _better(found, _begun_elsewhere(found, experiments), part=1.0)
-    return _freed(_better(found, _from_elsewhere(found, experiments)), experiments)
+    found = _better(found, _from_elsewhere(found, experiments))
+    return _freed(_overruled(found, experiments), experiments)
 
 
 def _refuse_still(found: Fit) -> None:
@@ -131,6 +134,28 @@ def _refuse_still(found: Fit) -> None:
             "drives it. Give as the output what tells where the motion begins, as another axis of the sensor does, or "
             "the input that drives it."
         )
+
+
+def _overruled(found: Fit, experiments: Sequence[Experiment]) -> Fit:
+    """Return a fit without what is stated of constants where it leaves less than half; the one found where none does.
+
+    They are those that end at their bounds, three standard deviations from what is stated. The one without which least
+    is left is then known within as much as it moved by, and others are tried beside it.
+    """
+    model, units, known = found.model, found.problem.units, dict(found.problem.gaussian)
+    for _ in known:
+        held = [n for n in found.minimum.bound(found.problem.names) if n in known]
+        wide = {
+            n: {**known, n: (mean, max(_WIDE * sd, _PART * abs(mean)))} for n, (mean, sd) in known.items() if n in held
+        }
+        freed = {n: _fit_from(found.values, model, experiments, units, wide[n]) for n in held}
+        best = {n: again for n, again in freed.items() if _better(found, again) is again}
+        if not best:
+            break
+        name = min(best, key=lambda n: best[n].chi2)
+        known[name] = known[name][0], abs(best[name].values[name] - known[name][0])
+        found = _better(found, _fit_from(best[name].values, model, experiments, units, known))
+    return found
 
 
 def _better(found: Fit, again: Fit | None, part: float = _BETTER) -> Fit:

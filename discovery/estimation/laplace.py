@@ -196,13 +196,11 @@ def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequen
     """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
     log, width, centre = [], [], []
     for name, value, prior in zip(problem.free, x, problem.priors, strict=False):
-        if name in problem.stated:
-            law = problem.stated[name]
-            # Of a law with tails the Gaussian that falls as it does there.
-            slope = law.slope(value)
-            log.append(law.peak)
-            width.append(1.0 / slope)
-            centre.append(-float(law.residual(value)) / slope)
+        if name in problem.gaussian:
+            mean, sd = problem.gaussian[name]
+            log.append(-np.log(sd * np.sqrt(2 * np.pi)))
+            width.append(sd)
+            centre.append(mean - value)
             continue
         own, density = prior.width_at(value), float(prior.log_density(value))
         log.append(max(density, -1e3) if prior.is_proper else -np.log(own * np.sqrt(2 * np.pi)))

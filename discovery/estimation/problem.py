@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from discovery.declarations.priors import Normal, Prior, Stated
+from discovery.declarations.priors import Normal, Prior
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -85,8 +85,7 @@ class Problem:
     model: Model  # its effects must be among those of the bench
     bench: Bench
     units: NaturalUnits
-    #: Free parameters known from the rig or by convention within an uncertainty. A constant that a user states may turn
-    #: out wrong; what else is known, the instrument's own, ends at three standard deviations.
+    #: Free parameters known from the rig or by convention within an uncertainty; bounded at three standard deviations.
     gaussian: Mapping[str, tuple[float, float]]
     error: ModelError | None = None  # the model's own error beside the noise: residuals are made white under both
     #: Recording from which others count what each has of its own, as a phase: the first one; "" for none of these.
@@ -117,14 +116,8 @@ class Problem:
         """Prior, in the problem's units, of every free number; a state may be up to the whole motion."""
         declared = {n: self.model.parameters[n] for n in self.free if n not in self.gaussian}
         known: dict[str, Prior] = {n: p.prior.scaled(self.units.scale(p)) for n, p in declared.items()}
-        known |= self.stated
+        known |= {n: Normal(*given) for n, given in self.gaussian.items()}
         return (*(known[n] for n in self.free), *(Normal(0.0, state.width) for state in self.states))
-
-    @cached_property
-    def stated(self) -> dict[str, Normal]:
-        """What is believed of those free parameters that are known within an uncertainty, by name."""
-        laws = {n: Stated if self.model.parameters[n].physical else Normal for n in self.gaussian if n in self.free}
-        return {n: law(*self.gaussian[n]) for n, law in laws.items()}
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -139,7 +132,7 @@ class Problem:
         for name in self.free:
             parameter = self.model.parameters[name]
             least, most = (bound * self.units.scale(parameter) for bound in parameter.bounds)
-            if name in self.gaussian and not parameter.physical:
+            if name in self.gaussian:
                 mean, sd = self.gaussian[name]
                 least, most = max(least, mean - 3 * sd), min(most, mean + 3 * sd)
             lower.append(least)
@@ -204,8 +197,8 @@ class Problem:
         return [c[:, :, 0] for c in self.bench.predict(*self.expand(x[:, None]))]
 
     def prior_residuals(self, x: FloatArray) -> FloatArray:
-        """Return what is known within an uncertainty as residuals, shape (g, k)."""
-        rows = [law.residual(x[self.free.index(n)]) for n, law in self.stated.items()]
+        """Return (value - mean)/sd of what is known within an uncertainty, shape (g, k)."""
+        rows = [(x[self.free.index(n)] - m) / sd for n, (m, sd) in self.gaussian.items() if n in self.free]
         rows += [x[i] / state.width for i, state in enumerate(self.states, len(self.free)) if state.believed]
         return np.array(rows).reshape(len(rows), x.shape[1])
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from discovery.declarations import symbols as s
 from discovery.declarations.formula import Quantity, read_formula, unit_words
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Flat, LogUniform, Normal, Prior, Stated
+from discovery.declarations.priors import Flat, LogUniform, Normal, Prior
 from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.foundation.errors import InputError
 
@@ -20,8 +20,6 @@ from discovery.foundation.errors import InputError
 INPUT = (s.theta_m, s.omega_m, s.alpha_m)
 #: A free constant keeps the sign of its guess, and is no farther from it than by this factor.
 _FARTHEST = 1e4
-#: Standard deviations by which a stated value differs from zero where it keeps its sign.
-_SIGNED = 5.0
 
 
 @dataclass(frozen=True)
@@ -103,12 +101,10 @@ def constant_parameter(name: str, constant: Constant) -> Parameter:
     prior: Prior = Flat(size)
     if constant.free:
         prior = LogUniform(size, _FARTHEST)
-    elif constant.sd is not None:
-        prior = Stated(constant.value, constant.sd)
-    # A sign that is stated within several standard deviations is one.
-    if constant.free or size > _SIGNED * (constant.sd or np.inf):
         near, far = constant.value / _FARTHEST, constant.value * _FARTHEST
         bounds = (min(near, far), max(near, far))
+    elif constant.sd is not None:
+        prior = Normal(constant.value, constant.sd)
     return Parameter(
         constant.unit, name.replace("_", " "), bounds, prior, default=constant.value, starts=(constant.value,),
         fixed=not constant.free, physical=True, name=name,

@@ -107,8 +107,8 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
     if prior is None:
         return MISSING
     law = prior["law"]
-    if law in ("normal", "stated"):
-        return f"{law}, {uncertain(prior['mean'], prior['sd'])}"
+    if law == "normal":
+        return f"normal, {uncertain(prior['mean'], prior['sd'])}"
     if law in ("half-t", "t"):
         return f"{law}, scale {significant(prior['scale'], 2)}"
     if law == "log-uniform":
