@@ -89,8 +89,7 @@ class Effect(ABC):
     #: Kinds of system on which the effect is meaningful.
     systems: ClassVar[frozenset[str]] = frozenset({ARM, OSCILLATOR})
     cite: ClassVar[str] = ""  #: Where the law comes from.
-    #: Words for it where those of its id mislead.
-    called: ClassVar[str] = ""
+    called: ClassVar[str] = ""  #: Words for it where those of its id mislead.
     #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.
     pliable: ClassVar[bool] = False
     #: Ids of simpler effects that it is where one of its amplitudes vanishes.
@@ -99,6 +98,7 @@ class Effect(ABC):
     stands_for: ClassVar[str] = ""
     #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
     angular: ClassVar[bool] = False
+    pictured: ClassVar[bool] = False  #: True for a fault of a picture: a rate is read by no camera.
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
     ties: ClassVar[bool] = False  #: Whether it itself ties a body to a place.

@@ -10,10 +10,11 @@ class Perspective(Sensor):
 
     .. math:: y_\mathrm{read} = \frac{y}{1 - p\, y}
 
-    Any other sensor whose sensitivity changes along its range reads like it where p y is small.
+    Any other sensor of a position whose sensitivity changes along its range reads like it where p y is small.
     """
 
     systems = frozenset({OSCILLATOR})
+    pictured = True
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.2"
     p_y = Parameter(
         "q^-1",

@@ -37,7 +37,8 @@ def candidates(
         effect = get_effect(name)
         turning = (placed_at[effect.place].unit if effect.place else unit) in ("rad", "1")
         held = (effect.anchored or effect.kind == "potential") and not effect.angular
-        return (turns or not effect.remembers) and not (spins and turning and held)
+        read = not effect.pictured or "/s" not in unit
+        return read and (turns or not effect.remembers) and not (spins and turning and held)
 
     return tuple(filter(is_shown, acting))
 
