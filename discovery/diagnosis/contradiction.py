@@ -130,7 +130,7 @@ def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
         if name in freed.reasons:
             continue
         value, spread = freed.values[name], freed.sd[name]
-        if fit.model.mechanics.system.has_rod and abs(value - mean) > math.hypot(spread, sd):
+        if freed is not fit and abs(value - mean) > math.hypot(spread, sd):
             spread = _spread_by_ratio(fit, freed, name, (mean, sd))
         found.append((_check(name, fit.model.parameters[name].unit, (value, spread), (mean, sd), source), freed))
     return found

@@ -145,10 +145,8 @@ def _overruled(found: Fit, experiments: Sequence[Experiment]) -> Fit:
     model, units, known = found.model, found.problem.units, dict(found.problem.gaussian)
     for _ in known:
         held = [n for n in found.minimum.bound(found.problem.names) if n in known]
-        wide = {
-            n: {**known, n: (mean, max(_WIDE * sd, _PART * abs(mean)))} for n, (mean, sd) in known.items() if n in held
-        }
-        freed = {n: _fit_from(found.values, model, experiments, units, wide[n]) for n in held}
+        wide = {n: (mean, max(_WIDE * sd, _PART * abs(mean))) for n, (mean, sd) in known.items()}
+        freed = {n: _fit_from(found.values, model, experiments, units, {**known, n: wide[n]}) for n in held}
         best = {n: again for n, again in freed.items() if _better(found, again) is again}
         if not best:
             break

@@ -198,11 +198,8 @@ def turns_back(experiments: Sequence[Experiment]) -> bool:
 
 def spins(experiments: Sequence[Experiment]) -> bool:
     """Return whether the readings show that a shaft only goes on, in every recording through a full turn or more."""
-    ways = _ways(experiments)
-    turning = experiments[0].coordinate_unit in ("rad", "rad/s")
-    return (
-        turning and ways is not None and all(w.size and np.ptp(w) > 2 * np.pi and not _reversals(w, n) for w, n in ways)
-    )
+    ways = _ways(experiments) if experiments[0].coordinate_unit in ("rad", "rad/s") else None
+    return ways is not None and all(w.size and np.ptp(w) > 2 * np.pi and not _reversals(w, n) for w, n in ways)
 
 
 def _ways(experiments: Sequence[Experiment]) -> list[tuple[FloatArray, float]] | None:

@@ -62,10 +62,15 @@ class Context:
         """Natural period of the motion [s]."""
         return 2 * np.pi * self.units.time
 
+    @cached_property
+    def _motion(self) -> dict[str, bool]:
+        """What of the recorded motion decides which effects it could show."""
+        return {"turns": turns_back(self.train), "spins": spins(self.train)}
+
     def candidates(self, model: Model, *, which: Callable[..., tuple[str, ...]] = candidates) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
-        first, motion = self.train[0], {"turns": turns_back(self.train), "spins": spins(self.train)}
-        return which(model, first.coordinate_unit, first.rig.declared, **motion)
+        first = self.train[0]
+        return which(model, first.coordinate_unit, first.rig.declared, **self._motion)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""

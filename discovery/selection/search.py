@@ -219,15 +219,14 @@ class Search:
         return any(self._take(self.offers.beside(c)) for c in leading)
 
     def _leading(self, offered: Sequence[Contender], *, ahead: bool = False) -> list[Contender]:
-        """Return the refused sets that gain most in training, beside nothing: each may be part of a larger one.
-
-        `ahead`: of those that gain something held out by either score.
-        """
-        settings = self.context.settings
-        odds = {c: odds_of(c, self.best, self.root, settings) for c in offered if c.chi2 < self.best.chi2}
-        worth = [c for c, o in odds.items() if o.train > _WORTH * settings.nats and self.neighbours.affords(c)]
-        found = (c for c in worth if not ahead or max(odds[c].held, odds[c].ahead) > 0)
-        return sorted(found, key=lambda c: -odds[c].train)[: 0 if self.best.added else settings.budget.beam]
+        """Return what is refused beside nothing and gains most in training; `ahead`, some score held out, too."""
+        if self.best.added:
+            return []
+        settings, better = self.context.settings, [c for c in offered if c.chi2 < self.best.chi2]
+        odds = {c: odds_of(c, self.best, self.root, settings) for c in better}
+        found = (c for c, o in odds.items() if o.train > _WORTH * settings.nats and self.neighbours.affords(c))
+        kept = [c for c in found if not ahead or max(odds[c].held, odds[c].ahead) > 0]
+        return sorted(kept, key=lambda c: -odds[c].train)[: settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
         """Make the most likely set that is accepted the best one."""
@@ -236,8 +235,7 @@ class Search:
         for contender in self._simplest_first(offered)[:_TRIED]:
             odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
-            if not any((d.effects, d.numbers) == (new, odds.numbers) for d in self.decisions):
-                self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
+            self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
             if code == "accepted":
                 self.best = contender
                 return True
