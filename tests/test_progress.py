@@ -53,7 +53,7 @@ def test_a_search_says_which_share_of_its_budget_is_spent(monkeypatch: pytest.Mo
     told: list[Any] = []
     course, extended = Course(told.append), []
     course("refitting")
-    with course.searching(extended, 7):
+    with course.searching(lambda: len(extended), 7):
         course("screening")
         extended += [1, 2]
         course("refitting pairs")

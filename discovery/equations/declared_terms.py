@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -29,18 +29,22 @@ class DeclaredLine(NamedTuple):
     value: sp.Expr
 
 
-def declared_lines(base: DeclaredBase) -> list[DeclaredLine]:
-    """Return energies, forces, places and output of a system; x' is the rate of x."""
+def declared_lines(base: DeclaredBase, known: Mapping[str, float]) -> list[DeclaredLine]:
+    """Return energies, forces, places and output of a system; x' is the rate of x.
+
+    Losses whose factor is `known` as zero are none.
+    """
     declaration, read = base.declaration, base.equations
     own: dict[sp.Symbol, sp.Symbol] = {}
     for dots, symbols in zip(_DOTS, coordinates_of(len(declaration.coordinates)), strict=True):
         own |= {x: sp.Symbol(n + dots, real=True) for n, x in zip(declaration.coordinates, symbols, strict=True)}
     if declaration.input is not None:
         own |= {x: sp.Symbol(declaration.input[0] + dots, real=True) for x, dots in zip(INPUT, _DOTS, strict=True)}
+    absent = {x: 0 for x in read.dissipation.free_symbols if known.get(x.name) == 0.0}
     lines = [
         ("Kinetic energy", "T", read.kinetic),
         ("Potential energy", "V", read.potential),
-        ("Dissipation function", "D", read.dissipation),
+        ("Dissipation function", "D", read.dissipation.subs(absent)),
         *(
             (f"Generalised force on {_words(name)}", f"Q_{name}", force)
             for name, force in zip(declaration.coordinates, read.forces, strict=True)
@@ -70,9 +74,9 @@ def placed_lines(effect: Effect) -> list[DeclaredLine]:
     return lines
 
 
-def every_line(base: DeclaredBase, effects: Sequence[Effect]) -> list[DeclaredLine]:
+def every_line(base: DeclaredBase, effects: Sequence[Effect], known: Mapping[str, float]) -> list[DeclaredLine]:
     """Return what was declared, what each effect adds at its place, what is received and what is read."""
-    found = declared_lines(base)
+    found = declared_lines(base, known)
     for effect in effects:
         name = effect_name(effect.id())
         if effect.place:

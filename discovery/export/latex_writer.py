@@ -60,5 +60,5 @@ def declared_latex(model: Model) -> list[LatexLine]:
     write = Writer({}, unnamed=letter)
     return [
         LatexLine(line.words, f"{dotted(letter(line.name), line.dots)} = {write(line.value)}")
-        for line in every_line(base, model.terms)
+        for line in every_line(base, model.terms, model.known)
     ]

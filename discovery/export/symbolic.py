@@ -217,7 +217,7 @@ def equation_text(model: Model) -> tuple[str, ...]:
     Of a declared system they are its energies, forces and places, in the names that its user gave.
     """
     if (declared := declared_base(model.base)) is not None:
-        own = every_line(declared, model.terms)
+        own = every_line(declared, model.terms, model.known)
         return (
             "d/dt dT/dx' - dT/dx + dV/dx + dD/dx' = Q_x + dP/dx' for every coordinate x, sums over what follows",
             *(f"{x.words}: {x.name}{x.dots * chr(39)} = {s.readable(x.value)}" for x in own),

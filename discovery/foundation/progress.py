@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import Self, TypeVar
@@ -102,13 +102,13 @@ class Course:
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
-        self._extended: Sized = ()
+        self._extended: Callable[[], int] = int
         self._most, self._began = 0, 0.0
         self._done, self._took = 0, 0.0
 
     @contextmanager
-    def searching(self, extended: Sized, most: int) -> Iterator[None]:
-        """Tell beside every sentence how many sets, of so many at most, are extended; their collection grows."""
+    def searching(self, extended: Callable[[], int], most: int) -> Iterator[None]:
+        """Tell beside every sentence how many sets, of so many at most, are `extended` by now."""
         self._extended, self._most, self._began = extended, most, time.monotonic()
         self._done = 0
         try:
@@ -118,10 +118,12 @@ class Course:
 
     def __call__(self, sentence: str) -> None:
         """Tell what is being done."""
-        done = len(self._extended)
+        done = self._extended()
         if not (self._most and done):
             self._tell(sentence)
             return
+        if done < self._done:  # the search has begun again
+            self._began, self._done = time.monotonic(), 0
         if done > self._done:  # time that the next set has taken is none of these
             self._done, self._took = done, time.monotonic() - self._began
         each = self._took / done

@@ -192,7 +192,7 @@ def _equation(line: DeclaredLine) -> str:
     return f"{dotted(letter(line.name), line.dots)} = {expression(line.value, '')}"
 
 
-def declared_formulas(name: str, effects: Iterable[Effect]) -> list[LatexLine]:
+def declared_formulas(name: str, effects: Iterable[Effect], known: Mapping[str, float]) -> list[LatexLine]:
     """Return the energies, forces, places and output of a declared system, named by its base.
 
     The equation is incomplete without every energy and force, a place at which one of the effects acts, and what is
@@ -202,7 +202,7 @@ def declared_formulas(name: str, effects: Iterable[Effect]) -> list[LatexLine]:
     if base is None:
         return []
     used, found = {effect.place for effect in effects}, []
-    for line in declared_lines(base):
+    for line in declared_lines(base, known):
         value = str(line.value)
         # A place may have the name of its coordinate.
         if value != line.name:

@@ -117,7 +117,7 @@ def model_formulas(model: Mapping, system: str, values: Mapping[str, float] | No
     has_rod = get_base(model["base"]).system.has_rod
     scalar = not has_rod or model["base"] == "constant_radius"
     if "system" in model:
-        found = effect_formulas.declared_formulas(model["base"], map(get_effect, model["effects"]))
+        found = effect_formulas.declared_formulas(model["base"], map(get_effect, model["effects"]), model["known"])
     elif scalar:
         found, told = _one_coordinate(model, values or {})
         if has_rod:

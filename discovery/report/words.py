@@ -154,7 +154,8 @@ def headline(run: Run) -> str:
     verdict, why = loop["verdict"], sentence(verdict_sentence(loop))
     left, floor, change = _errors_in_words(run)
     added = [_with_rivals(e) for e in loop["effects"]]
-    found = f"the declared model lacked {listed(added)}; with {'it' if len(added) == 1 else 'them'}, {change}."
+    away = "".join(f", in the place of the {effect_name(loss)} that it declares" for loss in loop.get("given_up", ()))
+    found = f"the declared model lacked {listed(added)}{away}; with {'it' if len(added) == 1 else 'them'}, {change}."
     if verdict == "nothing_missing":
         return f"Nothing is missing: the declared model leaves {left}, which is noise (floor {floor})."
     if verdict == "explained":

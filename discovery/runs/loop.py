@@ -144,7 +144,7 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
         # What explains readings in another unit is none of the system's effects.
         search.decisions.append(Decision("stop", (), True, "impossible"))
     else:
-        with course.searching(search.offers, context.settings.budget.offers):
+        with course.searching(lambda: len(search.offers), context.settings.budget.offers):
             search.run()
     best, geometry, steps = _on_best_mechanics(before, search, context)
     last = settled(best, context)
@@ -225,7 +225,8 @@ def _with_base(base: str, before: Fit, search: Search, context: Context) -> Cont
     if base == _EXACT:
         return search.unapproximated()
     added = search.best.added
-    model = before.model.with_effect(*[e for e in added if e not in before.model.effects]).on_base(base)
+    declared = before.model.without([e for e in before.model.effects if e == search.given_up])
+    model = declared.with_effect(*[e for e in added if e not in declared.effects]).on_base(base)
     values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
     fitted = context.fit(model, values, {}) if added or base != before.model.base else before
     return contenders(context, [(added, Refit("", fitted.problem, fitted.minimum))])[0]

@@ -16,6 +16,7 @@ from discovery.diagnosis.caution import Caution, StandIn
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.undetermined import hung_on
+from discovery.equations.losses import without_losses
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
@@ -131,6 +132,12 @@ class LoopResult(LoopViews):
         return {effect: found.group for effect, found in self.named.items()}
 
     @property
+    def given_up(self) -> list[str]:
+        """Declared losses in whose place an added effect stands."""
+        final = without_losses(self.after.model)
+        return [loss for loss in without_losses(self.before.model) if loss not in final]
+
+    @property
     def impossible(self) -> bool:
         """Whether a recording refutes what the rig file declares; nothing was searched then."""
         return impossible(flag for recording in self.recordings for flag in recording.flags)
@@ -195,6 +202,7 @@ class LoopResult(LoopViews):
             "declared": list(self.declared),
             "recordings": [flagged(r) for r in self.recordings],
             "effects": [self._described(effect) for effect in self.added],
+            **({"given_up": self.given_up} if self.given_up else {}),
             "errors": dict(self.errors),
             "model_error": self.model_error.summary(),
             "complete": self.complete,

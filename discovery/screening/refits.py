@@ -215,13 +215,14 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh
     return settled(problems, vectors)
 
 
-def relaxed(fitted: Refit, dropped: Sequence[str]) -> Refit:
-    """Return a refit without some of its effects, fitted again.
+def relaxed(fitted: Refit, dropped: Sequence[str] | Model) -> Refit:
+    """Return a refit without some of its effects, or of a model that has less than it, fitted again.
 
-    `fitted`: with them. `dropped`: effects.
+    `fitted`: with them. `dropped`: effects, or the model that is left.
     """
     problem = fitted.problem
-    smaller = Problem(problem.model.without(dropped), problem.bench, problem.units, problem.gaussian)
+    model = dropped if isinstance(dropped, Model) else problem.model.without(dropped)
+    smaller = Problem(model, problem.bench, problem.units, problem.gaussian)
     (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
     # A falling body needs no effect at all.
     return Refit(next(reversed(smaller.model.effects), ""), smaller, minimum)

@@ -9,32 +9,15 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Candidacy:
-    """One set that was compared with another.
+    """One set that was compared with another."""
 
-    Parameters
-    ----------
-    effects : tuple of str
-        What it has more, or in the place of another.
-    train, held : float
-        Log evidence of the training recordings and log predictive score of the held-out ones, against the set it is
-        compared with [nats].
-    size : float
-        How far it moves the residual over the model error that is left, rms over rms.
-    model_error : float
-        Size of the model error that it leaves [noise sds].
-    chi2 : float
-        What it leaves in training [noise variances].
-    parameters : int
-        Number of parameters that were fitted.
-    """
-
-    effects: tuple[str, ...]
-    train: float
-    held: float
-    size: float
-    model_error: float
-    chi2: float
-    parameters: int
+    effects: tuple[str, ...]  # what it has more, or in the place of another
+    train: float  # log evidence of the training recordings against that of the other [nats]
+    held: float  # log predictive score of the held-out ones against that of the other [nats]
+    size: float  # how far it moves the residual over the model error that is left, rms over rms
+    model_error: float  # size of the model error that it leaves [noise sds]
+    chi2: float  # what it leaves in training [noise variances]
+    parameters: int  # number of parameters that were fitted
 
 
 @dataclass(frozen=True)

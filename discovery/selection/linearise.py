@@ -25,18 +25,10 @@ _APART = 0.3
 
 @dataclass(frozen=True)
 class Slopes:
-    """A set linearised around its estimate.
+    """A set linearised around its estimate."""
 
-    Parameters
-    ----------
-    problem : Linearised
-        What its evidence is made of.
-    jacobian : ndarray, shape (rows of the bench, p)
-        Derivatives on the fitted samples [noise sds], zero in gaps.
-    """
-
-    problem: Linearised
-    jacobian: FloatArray
+    problem: Linearised  # what its evidence is made of
+    jacobian: FloatArray  # (rows of the bench, p): derivatives on the fitted samples [noise sds], zero in gaps
 
 
 def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[Slopes | None]:

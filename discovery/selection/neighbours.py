@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from discovery.equations.losses import without_losses
 from discovery.screening.likeness import reduced
 from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
+from discovery.selection.odds import HELD, odds_of
 from discovery.selection.offers import Offers
 
 #: Sets so many times the nats of an accepted effect behind are integrated by sampling where the set found is.
@@ -68,6 +70,22 @@ class Neighbours:
             rest, laws = [e for e in found.added if e != effect], reduced(found.refit, effect)
             self._simpler[key] = contenders(self.context, [((*rest, r.effect), r) for r in laws])
         return [self._beside(found, c) for c in self._simpler[key]]
+
+    def without_losses(self, found: Contender) -> dict[str, tuple[Contender, Contender]]:
+        """Return, for a declared loss, the start without it and the likeliest effect in its place that is accepted.
+
+        Tried is what is beside the loss about as likely as the set found.
+        """
+        settings, offered = self.context.settings, self.offers.beside(self.root) if self.affords(self.root) else []
+        near = [c for c in offered if c.joint > found.joint - _NEAR * settings.nats]
+        made = {}
+        for loss, model in without_losses(self.root.model).items() if near else ():
+            (rest,) = contenders(self.context, [((), relaxed(self.root.refit, model))])
+            sets = contenders(self.context, [(c.added, relaxed(c.refit, without_losses(c.model)[loss])) for c in near])
+            accepted = (c for c in sets if odds_of(c, rest, rest, settings).code(settings, HELD) == "accepted")
+            if (other := next(accepted, None)) is not None:
+                made[loss] = rest, self._beside(found, other)
+        return made
 
     def _beside(self, found: Contender, other: Contender) -> Contender:
         """Return a set as it is compared with the one found: integrated as that is, unless it is far behind."""

@@ -24,26 +24,14 @@ HELD = 0.5
 
 @dataclass(frozen=True)
 class Odds:
-    """Log odds of a larger set against a smaller one [nats].
+    """Log odds of a larger set against a smaller one [nats]."""
 
-    Parameters
-    ----------
-    train, held, ahead : float
-        What the training recordings and the held-out ones gain, and the held-out ones by the estimate alone.
-    size : float
-        Movement of the residual over the model error that the larger set leaves.
-    against_error : float
-        Log odds against the model error in the direction of the effect.
-    gain : float
-        Chi-square removed in training.
-    """
-
-    train: float
-    held: float
-    ahead: float
-    size: float
-    against_error: float
-    gain: float
+    train: float  # what the training recordings gain
+    held: float  # and the held-out ones
+    ahead: float  # these by the estimate alone
+    size: float  # movement of the residual over the model error that the larger set leaves
+    against_error: float  # log odds against the model error in the direction of the effect
+    gain: float  # chi-square removed in training
 
     @property
     def total(self) -> float:

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from discovery.declarations.registry import get_effect, simplicity
 from discovery.estimation.batch import SLOW, near_the_best
 from discovery.foundation.workers import at_once
 from discovery.screening.attribution import Candidate, White, screen
@@ -19,6 +20,7 @@ from discovery.screening.significance import chance_gains, surrogates
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.odds import HELD, Odds
+from discovery.selection.settings import LoopSettings
 from discovery.simulation.simulate import THREADS
 
 #: Effects and mechanics of a set.
@@ -47,7 +49,8 @@ class Offers:
         """Return every candidate beside a set with its linear score, the largest first."""
         if node.key not in self._scored:
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            names = self.context.candidates(problem.model)
+            declared = self.context.train[0].rig.declared
+            names = [n for n in self.context.candidates(problem.model) if n not in declared]
             beside = f" beside {' and '.join(node.added)}" if node.added else ""
             self.context.progress(f"screening the catalogue{beside} ({len(names)} effects)")
             self._scored[node.key] = tuple(screen(minimum, problem, names))
@@ -134,3 +137,22 @@ class Offers:
 
     def _white(self, node: Contender) -> White:
         return partial(node.white, least=self.context.least_error(node.model))
+
+
+def plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
+    """Return those sets whose last effect, or so many of them, could imitate no others."""
+    return [c for c in offered if not any(get_effect(e).pliable for e in c.added[-new:])]
+
+
+def simplest_first(offered: Sequence[Contender], beside: Contender, settings: LoopSettings) -> list[Contender]:
+    """Return sets, the most likely first; of those that serve as well as it, the physically simplest come first."""
+    best = max((c.joint for c in offered), default=-np.inf)
+
+    def key(contender: Contender) -> tuple[object, ...]:
+        new = [e for e in contender.added if e not in beside.added]
+        if not best - contender.joint < settings.nats:
+            return True, -contender.joint
+        simple = sorted((simplicity(e, contender.model.mechanics.system) for e in new), reverse=True)
+        return False, len(new), simple, -contender.joint
+
+    return sorted(offered, key=key)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from discovery.declarations.forces import SmoothForce
-from discovery.declarations.registry import get_effect, simplicity
+from discovery.declarations.registry import get_effect
 from discovery.estimation.fit import Fit
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
@@ -16,7 +16,7 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
 from discovery.selection.neighbours import Neighbours
 from discovery.selection.odds import HELD, Odds, candidacy, odds_of
-from discovery.selection.offers import Offers
+from discovery.selection.offers import Offers, plain, simplest_first
 from discovery.selection.unknown import Unknown, unknown_force
 
 #: Contenders that are tried in the order of their evidence; records of a decision.
@@ -41,6 +41,8 @@ class Search:
         The start, and the set found so far.
     decisions : list of Decision
         What was decided, in order.
+    given_up : str
+        A declared loss in whose place an effect stands; empty without.
     unknown : Unknown or None
         What an unknown force explains beside the set found; None where that leaves noise.
     """
@@ -51,6 +53,7 @@ class Search:
         self.offers = Offers(context)
         (self.best,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.unknown: Unknown | None = None
+        self.given_up = ""
         self._unapproximated: dict[Contender, Contender] = {}
         self.root, self.neighbours = self.best, Neighbours(context, self.offers, self.best)
 
@@ -59,6 +62,13 @@ class Search:
         part = self.context.settings.budget.dear_mechanics
         if self.best.is_far and self.unapproximated().evidence.error < part * self.best.evidence.error:
             self._change_mechanics()
+        self._settle()
+        if self._give_up_a_loss():
+            self._settle()
+        self._ask_the_unknown()
+
+    def _settle(self) -> None:
+        """Add effects, let simpler laws take their places, and take out what is not needed."""
         self._grow()
         grown, told = self.best, len(self.decisions)
         if self._simplify(held=np.inf):  # even where it predicts worse, a simpler law leaves room for others
@@ -67,7 +77,17 @@ class Search:
         # What is taken out may have hidden that a simpler law serves.
         for step in (self._simplify, self._integrate, self._prune, self._simplify, self._prune):
             step()
-        self._ask_the_unknown()
+
+    def _give_up_a_loss(self) -> bool:
+        """Let an effect take the place of a loss that is declared, as it would that of one that was added."""
+        declared = {} if self._leaves_noise() else self.neighbours.without_losses(self.best)
+        for loss, (root, other) in declared.items():
+            if (gain := other.joint - self.best.joint) > self.context.settings.nats:
+                self.decisions.append(Decision("exchange", (loss, *other.added), True, "accepted", {"odds": gain}))
+                self.given_up, self.offers = loss, Offers(self.context)
+                self.best, self.root, self.neighbours = other, root, Neighbours(self.context, self.offers, root)
+                return True
+        return False
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
@@ -197,9 +217,9 @@ class Search:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
         offered = self.offers.beside(self.best)
         # A law so flexible that it imitates others is tried where neither plain ones nor two of them serve.
-        plain = _plain(offered)
-        pliable = [c for c in offered if c not in plain]
-        if self._take(plain):
+        laws = plain(offered)
+        pliable = [c for c in offered if c not in laws]
+        if self._take(laws):
             return True
         # What the mechanics approximate may hide an effect, or look like one of the flexible ones.
         if self.best.added and self._change_mechanics():
@@ -208,11 +228,11 @@ class Search:
         if not room or self._leaves_noise():
             return self._take(pliable)
         pairs = self.offers.pairs(self.best)
-        if self._take(of_plain := _plain(pairs, 2)):
+        if self._take(of_plain := plain(pairs, 2)):
             return True
         # Effects hide each other: what is refused alone may be right beside another.
-        leading, refused = self._leading(plain), pairs if len(of_plain) < len(pairs) else []
-        if any(self._take(_plain(self.offers.beside(c))) for c in leading) or any(map(self._take, (pliable, refused))):
+        leading, refused = self._leading(laws), pairs if len(of_plain) < len(pairs) else []
+        if any(self._take(plain(self.offers.beside(c))) for c in leading) or any(map(self._take, (pliable, refused))):
             return True
         # Flexible laws and two at once imitate what is not there, and then predict worse.
         leading += self._leading([*offered, *pairs], ahead=True)
@@ -232,7 +252,7 @@ class Search:
         """Make the most likely set that is accepted the best one."""
         settings, before = self.context.settings, self.best
         told = tuple(candidacy(c, before, self.root, settings) for c in offered[:_TOLD])
-        for contender in self._simplest_first(offered)[:_TRIED]:
+        for contender in simplest_first(offered, before, settings)[:_TRIED]:
             odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
             self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
@@ -240,19 +260,6 @@ class Search:
                 self.best = contender
                 return True
         return False
-
-    def _simplest_first(self, offered: Sequence[Contender]) -> list[Contender]:
-        """Return sets, the most likely first; of those that serve as well as it, the physically simplest come first."""
-        best = max((c.joint for c in offered), default=-np.inf)
-        system = self.root.model.mechanics.system
-
-        def key(contender: Contender) -> tuple[object, ...]:
-            new = [e for e in contender.added if e not in self.best.added]
-            if not best - contender.joint < self.context.settings.nats:
-                return True, -contender.joint
-            return False, len(new), sorted((simplicity(e, system) for e in new), reverse=True), -contender.joint
-
-        return sorted(offered, key=key)
 
     def _judged(self, larger: Contender, smaller: Contender, *, stays: bool = False) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing; `stays` of one that was accepted."""
@@ -283,7 +290,7 @@ class Search:
 
     def _exchange(self, effect: str, smaller: Contender) -> None:
         """Let another effect, accepted by itself, take the place of a member where the evidence gains as much."""
-        offered = _plain(self.offers.beside(smaller)) if self.neighbours.affords(smaller) else []
+        offered = plain(self.offers.beside(smaller)) if self.neighbours.affords(smaller) else []
         found = next((c for c in offered[:_TRIED] if self._judged(c, smaller)[1] == "accepted"), self.best)
         gain, settings = found.joint - self.best.joint, self.context.settings
         if frozenset(found.added) != frozenset(self.best.added) and gain > settings.nats:
@@ -291,8 +298,3 @@ class Search:
             new = found.added[-1]
             self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
             self.best = found
-
-
-def _plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
-    """Return those sets whose last effect, or so many of them, could imitate no others."""
-    return [c for c in offered if not any(get_effect(e).pliable for e in c.added[-new:])]

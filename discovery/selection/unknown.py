@@ -27,22 +27,12 @@ _ITERATIONS = 10
 
 @dataclass(frozen=True)
 class Unknown:
-    """What an unknown force explains beside a set of effects.
+    """What an unknown force explains beside a set of effects [nats]."""
 
-    Parameters
-    ----------
-    train, held : float
-        What it gains beside the set in training, and on what is held out [nats].
-    kept : mapping of str to float
-        Log odds of each added effect beside the force [nats].
-    instead : mapping of str to float
-        Log odds of the force in the place of each, against the set as it is [nats].
-    """
-
-    train: float
-    held: float
-    kept: dict[str, float]
-    instead: dict[str, float]
+    train: float  # what it gains beside the set in training
+    held: float  # and on what is held out
+    kept: dict[str, float]  # log odds of each added effect beside the force
+    instead: dict[str, float]  # log odds of the force in the place of each, against the set as it is
 
 
 def unknown_force(context: Context, found: Contender) -> Unknown:

@@ -1,0 +1,62 @@
+"""Losses that are declared where the motion has another: one law takes the place of the other, or it does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_search import begun, context
+
+from discovery.equations.declared_terms import declared_lines
+from discovery.equations.losses import without_losses
+from discovery.equations.model import Model
+from discovery.mechanics.systems import declared_base, system_base
+from discovery.rigs.rig_system import ready_made
+from discovery.selection.search import Search
+
+
+def searched(**effects: float) -> Search:
+    """Search recordings with a slow wander that no catalogue holds, three times the noise."""
+    shared = context(**effects)
+    bell = np.exp(-0.5 * (np.arange(-60, 61) / 20) ** 2)
+    for seed, e in enumerate((*shared.train, *shared.judge.separate)):
+        wander = np.convolve(np.random.default_rng(seed).normal(size=e.recording.time.size), bell, mode="same")
+        e.recording.output[:, 0] += 3 * e.recording.noise[0] * wander / wander.std()
+    search = begun(shared)
+    search.run()
+    return search
+
+
+def test_a_law_takes_the_place_of_a_loss_that_is_not_there() -> None:
+    search = searched(xi=0.0, c_2=0.2)
+    assert (search.given_up, search.best.added) == ("viscous_damping", ("quadratic_drag",))
+    assert search.root.model.effects == ("linear_stiffness",)
+    assert search.best.model.effects == ("linear_stiffness", "quadratic_drag")
+    (step,) = (d for d in search.decisions if d.action == "exchange")
+    assert step.effects == ("viscous_damping", "quadratic_drag")
+    assert step.numbers["odds"] > search.context.settings.nats
+    assert search.best.refit.values["c_2"] == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("effects", [{"xi": 0.08}, {"xi": 0.08, "c_2": 0.2}])
+def test_a_loss_that_is_there_stays(effects: dict[str, float]) -> None:
+    search = searched(**effects)
+    assert search.given_up == ""
+    assert "viscous_damping" in search.best.model.effects
+    assert search.best.refit.values["xi"] == pytest.approx(0.08, rel=0.2)
+
+
+def test_losses_that_are_stated_are_not_in_question() -> None:
+    assert without_losses(Model("oscillator", ("viscous_damping",), known={"xi": 0.1})) == {}
+
+
+def test_of_a_declared_system_the_factors_of_its_losses_are_in_question() -> None:
+    for name, declaration in ready_made().items():
+        base = system_base(declaration)
+        read = base.equations
+        for loss, other in without_losses(Model(base.name, ())).items():
+            assert other.known[loss] == 0.0, name
+            assert loss in {x.name for x in read.dissipation.free_symbols}, name
+            left = [line for line in declared_lines(declared_base(base.name), other.known) if line.name == "D"]
+            assert all(loss not in {x.name for x in line.value.free_symbols} for line in left), name
+    motor = system_base(ready_made()["dc_motor"])
+    assert [*without_losses(Model(motor.name, ()))]
