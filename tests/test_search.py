@@ -23,7 +23,7 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import finished, settled
 from discovery.selection.neighbours import Neighbours
 from discovery.selection.odds import Odds, _against, odds_of
-from discovery.selection.offers import Offers
+from discovery.selection.offers import Offers, simplest_first
 from discovery.selection.search import Search
 from discovery.selection.settings import Budget, LoopSettings
 from discovery.selection.verdict import is_complete, named, strongest_lead, verdict_of
@@ -392,7 +392,7 @@ def test_a_pair_is_accepted_only_if_neither_is_needless(dry: float, code: str) -
 def test_of_sets_that_serve_as_well_the_simplest_comes_first() -> None:
     search = begun(context(f_c=0.02))
     offered = search.offers.beside(search.root)
-    first = search._simplest_first(offered)
+    first = simplest_first(offered, search.root, search.context.settings)
     best = max(c.joint for c in offered)
     nats = search.context.settings.nats
     tied = [c for c in first if best - c.joint < nats]

@@ -20,14 +20,15 @@ def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
     from discovery.report.doubt_sentences import contradiction_sentences
     from discovery.report.manoeuvre_sentences import separation_sentence
-    from discovery.report.sentences import given_up_sentence, lead_sentence, model_error_words
+    from discovery.report.sentences import decision_sentence, lead_sentence, model_error_words
 
     content = result.summary()
     click.echo(f"verdict: {content['verdict']}")
     for effect in content["effects"]:
         click.echo(_effect_line(effect))
-    for loss in content.get("given_up", ()):
-        click.echo(f"given up: {loss}, which is declared; {given_up_sentence(content, loss)}")
+    for step in content["steps"] if content.get("given_up") else ():
+        if step["action"] == "exchange" and step["effects"][0] in content["given_up"]:
+            click.echo(f"given up: {step['effects'][0]}, which is declared; {decision_sentence(step)}")
     click.echo(f"model error: {model_error_words(content)}")
     if content.get("lead"):
         click.echo(f"lead: {lead_sentence(content['lead'])}")

@@ -108,11 +108,6 @@ def lead_sentence(lead: Record) -> str:
     return f"the strongest lead is {name}, with {chances(numbers.get('odds'))}; it is not named: {reason}"
 
 
-def given_up_sentence(loop: Record, loss: str) -> str:
-    """Return why a declared loss is not in the final model."""
-    return decision_sentence(next(s for s in loop["steps"] if s["action"] == "exchange" and s["effects"][0] == loss))
-
-
 def effect_sentence(effect: Record) -> str:
     """Return how sure an added effect is; empty for better mechanics, which are no effects of the catalogue."""
     if not effect["evidence"]:

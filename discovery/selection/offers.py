@@ -28,10 +28,10 @@ _Key = tuple[frozenset[str], str]
 
 
 class Offers:
-    """What the catalogue offers beside the sets of one search, each made once."""
+    """What the catalogue offers beside the sets of one search, each made once; nothing that was `given_up` before."""
 
-    def __init__(self, context: Context) -> None:
-        self.context = context
+    def __init__(self, context: Context, given_up: str = "") -> None:
+        self.context, self.given_up = context, given_up
         self._made: dict[_Key, list[Contender]] = {}
         self._pairs: dict[_Key, list[Contender]] = {}
         self._scored: dict[_Key, tuple[Candidate, ...]] = {}
@@ -49,8 +49,7 @@ class Offers:
         """Return every candidate beside a set with its linear score, the largest first."""
         if node.key not in self._scored:
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            declared = self.context.train[0].rig.declared
-            names = [n for n in self.context.candidates(problem.model) if n not in declared]
+            names = [n for n in self.context.candidates(problem.model) if n != self.given_up]
             beside = f" beside {' and '.join(node.added)}" if node.added else ""
             self.context.progress(f"screening the catalogue{beside} ({len(names)} effects)")
             self._scored[node.key] = tuple(screen(minimum, problem, names))

@@ -15,7 +15,7 @@ from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.final import on_mechanics
 from discovery.selection.neighbours import Neighbours
-from discovery.selection.odds import HELD, Odds, candidacy, odds_of
+from discovery.selection.odds import HELD, Odds, between_rivals, candidacy, odds_of
 from discovery.selection.offers import Offers, plain, simplest_first
 from discovery.selection.unknown import Unknown, unknown_force
 
@@ -41,8 +41,6 @@ class Search:
         The start, and the set found so far.
     decisions : list of Decision
         What was decided, in order.
-    given_up : str
-        A declared loss in whose place an effect stands; empty without.
     unknown : Unknown or None
         What an unknown force explains beside the set found; None where that leaves noise.
     """
@@ -53,7 +51,6 @@ class Search:
         self.offers = Offers(context)
         (self.best,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.unknown: Unknown | None = None
-        self.given_up = ""
         self._unapproximated: dict[Contender, Contender] = {}
         self.root, self.neighbours = self.best, Neighbours(context, self.offers, self.best)
 
@@ -79,12 +76,13 @@ class Search:
             step()
 
     def _give_up_a_loss(self) -> bool:
-        """Let an effect take the place of a loss that is declared, as it would that of one that was added."""
+        """Let an effect take the place of a loss that is declared where it serves better."""
         declared = {} if self._leaves_noise() else self.neighbours.without_losses(self.best)
         for loss, (root, other) in declared.items():
-            if (gain := other.joint - self.best.joint) > self.context.settings.nats:
-                self.decisions.append(Decision("exchange", (loss, *other.added), True, "accepted", {"odds": gain}))
-                self.given_up, self.offers = loss, Offers(self.context)
+            odds = between_rivals(other, self.best, self.context.settings)
+            if odds > self.context.settings.nats and frozenset(other.added) != frozenset(self.best.added):
+                self.decisions.append(Decision("exchange", (loss, *other.added), True, "accepted", {"odds": odds}))
+                self.offers = Offers(self.context, loss)
                 self.best, self.root, self.neighbours = other, root, Neighbours(self.context, self.offers, root)
                 return True
         return False
