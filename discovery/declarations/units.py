@@ -80,9 +80,11 @@ def _exponents(unit: str) -> tuple[tuple[str, Fraction], ...]:
     while position < len(text):
         token = _TOKEN.match(text, position)
         if token is None or (token["symbol"] and token["symbol"] not in _COHERENT):
+            counted = any(word in unit for word in ("px", "pixel"))
+            pixels = " Pixels are counted: write '1' for them, of columns and constants alike." if counted else ""
             raise InputError(
                 f"The unit {unit!r} cannot be read at {text[position:].strip()!r}: write products of powers such as "
-                f"'N m^2' or 's^-2' of {' '.join(_COHERENT)}."
+                f"'N m^2' or 's^-2' of {' '.join(_COHERENT)}.{pixels}"
             )
         position = token.end()
         if token["slash"]:

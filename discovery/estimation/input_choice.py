@@ -9,7 +9,7 @@ from dataclasses import replace
 from discovery.equations.lacking import candidates
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
-from discovery.foundation.errors import DiscoveryError, InputError
+from discovery.foundation.errors import DiscoveryError
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.flags import Flag
@@ -39,8 +39,8 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
     Fitted is the declared model, with friction, drag and a cubic spring beside it where that can be.
 
     `dataset`: returned as it is where the rig file names an interpolation, or there is no input of that kind. Returned:
-    with every input made smooth in the chosen way, and a note on the training recordings of what was chosen. Raises
-    InputError if the declared model can be fitted with none of them.
+    with every input made smooth in the chosen way, and a note on the training recordings of what was chosen, or assumed
+    where the declared model blows up from its guesses.
     """
     column = dataset.rig.columns.input
     if column is None or column.interpolation != "auto":
@@ -49,6 +49,10 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
         # Prescribed motion is differentiated: only a smooth curve can be.
         return _with(dataset, "spline")
     cost, samples = _costs(dataset)
+    if not cost:
+        # Its fit is led to the end of the recordings later, or fails there with a remedy.
+        first = _ways(dataset)[0]
+        return _told(dataset, first, Flag("input_assumed", numbers={"words": _WORDS[first]}))
     best = min(cost, key=lambda n: cost[n])
     first = next(iter(cost))
     needed = max(_GAIN * cost[best] / samples, _LEFT * (cost[best] - samples))
@@ -56,16 +60,25 @@ def choose_interpolation(dataset: Dataset) -> Dataset:
     best = first if kept else best
     against = ", ".join(f"{_WORDS[n]} {(c / cost[best]) ** 0.5:.4g}" for n, c in cost.items() if n != best)
     numbers = {"words": _WORDS[best], "against": against, "interpolation": best, "kept": kept}
-    flag = Flag("input_chosen", numbers=numbers)
+    return _told(dataset, best, Flag("input_chosen", numbers=numbers))
+
+
+def _told(dataset: Dataset, interpolation: str, flag: Flag) -> Dataset:
+    """Return the dataset with its inputs made smooth in a given way, which its training recordings tell."""
     train = (replace(e, recording=replace(e.recording, flags=(*e.recording.flags, flag))) for e in dataset.train)
-    return _with(replace(dataset, train=tuple(train)), best)
+    return _with(replace(dataset, train=tuple(train)), interpolation)
+
+
+def _ways(dataset: Dataset) -> Sequence[str]:
+    """Return the interpolations that are tried."""
+    moved = dataset.rig.traits.interpolation == "motion"
+    return _MOTIONS if moved else _FORCES[: 2 if dataset.train[0].reads_acceleration else None]
 
 
 def _costs(dataset: Dataset) -> tuple[dict[str, float], int]:
     """Return the chi-square of a fit with each interpolation, and the number of readings that are fitted."""
     declared, wide, samples = dict[str, float](), dict[str, float](), 0
-    moved = dataset.rig.traits.interpolation == "motion"
-    for name in _MOTIONS if moved else _FORCES[: 2 if dataset.train[0].reads_acceleration else None]:
+    for name in _ways(dataset):
         # Uneven steps are no band-limited input, and what does not fit such a kind of curve is not that.
         with suppress(DiscoveryError):
             whole = _with(dataset, name).train
@@ -74,11 +87,6 @@ def _costs(dataset: Dataset) -> tuple[dict[str, float], int]:
             declared[name], samples = fitted.chi2, fitted.problem.bench.n_data
             lacking = [e for e in candidates(fitted.model) if e.partition("_at_")[0] in _LAWS]
             wide[name] = fit(fitted.model.with_effect(*lacking), parts, start=fitted.values).chi2
-    if not declared:
-        raise InputError(
-            f"{dataset.rig.name}: the declared model cannot be fitted, however the input is interpolated. Set "
-            '`interpolation` of the input in the rig file, for example to "spline", to see why.'
-        )
     return wide if wide.keys() == declared.keys() else declared, samples
 
 

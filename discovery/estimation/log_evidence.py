@@ -85,6 +85,7 @@ class Evidence:
     error: float
     error_held: float
     white: float  # size of the noise at the mode of the training recordings [stated noise sds]
+    alone: float  # the same where there is no model error
     nil: float  # by how much a model error of free size explains the recordings better than none [nats]
     gained: float  # what the step to the generalised least squares estimate gained, to first order [nats]
     step: FloatArray  # (p,), that step
@@ -109,7 +110,7 @@ class Evidence:
     @classmethod
     def none(cls) -> Evidence:
         """Return the evidence of a motion that blows up."""
-        return cls(-np.inf, -np.inf, -np.inf, np.inf, np.inf, 1.0, 0.0, 0.0, np.empty(0), np.empty((0, 0)))
+        return cls(-np.inf, -np.inf, -np.inf, np.inf, np.inf, 1.0, 1.0, 0.0, 0.0, np.empty(0), np.empty((0, 0)))
 
 
 @dataclass
@@ -198,6 +199,7 @@ def evidence_of(problem: Linearised) -> Evidence:
         error=size,
         error_held=float(np.sqrt(np.average([h.size**2 for h in held], weights=counts))) if held else 0.0,
         white=at.white,
+        alone=train.mode(0.0).white,
         nil=train.nil + sum(h.nil for h in held),
         gained=at.gained,
         step=at.step,

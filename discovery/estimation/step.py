@@ -25,6 +25,8 @@ TOLERANCE = 1e-6
 _PATIENCE = 4
 #: the best step will do if its error is below this.
 _USABLE = 1e-2
+#: Steps of all recordings, and of each reading, beyond which a motion runs away rather than needs shorter ones.
+_MOST_STEPS, _A_READING = 2_000_000, 8
 #: A step whose error is below this part of the tolerance, where a longer one was above it, is made longer to reach this
 #: part of it, so often at most.
 _FAR_BELOW, _AIM, _LONGER = 0.25, 0.7, 3
@@ -48,6 +50,8 @@ def choose_step(
     tried, against half of it [s]. Raises ComputationError if no step reaches the tolerance.
     """
     probe = Probe.of(model, effects or model.effects, units, values)
+    durations, readings = ([f(e.recording.time) for e in experiments] for f in (np.ptp, np.size))
+    shortest = max(shortest, float(sum(durations)) / max(_MOST_STEPS, _A_READING * sum(readings)))
     step = max(probe.longest(experiments), shortest)
     tried: dict[float, float] = {}
 

@@ -114,9 +114,11 @@ def _titles(rows: Sequence[str], header: Sequence[str] | None) -> int:
     for above in range(min(_TITLES, len(rows) - 2) + 1):
         separator = _separator(rows[above : above + 2], header)
         *titles, names, first = (_cells(row, separator) for row in rows[: above + 2])
+        # There may be a mark behind the last column.
+        names, first = (cells[:-1] if cells[-1:] == [""] else cells for cells in (names, first))
         if len(names) == len(first) > 1 and all(map(_is_either_number, first)):
             if not any(map(_is_either_number, names)):
-                return above if all(len(title) < len(names) for title in titles) else 0
+                return above if all(sum(map(bool, title)) < len(names) for title in titles) else 0
             unnamed = all(map(_is_either_number, names))
             return above if unnamed and all(_is_title(title, len(names), separator) for title in titles) else 0
     return 0

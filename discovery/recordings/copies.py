@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 from scipy.signal import correlate, correlation_lags
@@ -93,20 +95,31 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
     seen, judged = (r.output.astype(np.float32) for r in (first, second))
     if seen.shape[1] != judged.shape[1]:
         return None
-    at = _stretch(seen, judged)
+    at = _stretch(seen, judged, [np.diff(r.time) for r in (first, second)])
     at = _thinned(first, second) if at is None else at
     return _disguised(first, second) if at is None else at
 
 
-def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32]) -> int | None:
-    """Return where a row of equal readings begins that both recordings hold because they were cut from one."""
+def _stretch(
+    seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], steps: Sequence[FloatArray]
+) -> int | None:
+    """Return where a row of equal readings begins that both recordings hold because they were cut from one.
+
+    They are as far apart in time, too: what is counted at marks is equal in all recordings but for its times.
+    """
     # A run of twice that length holds a whole block of the first wherever it begins.
     blocks = [(i, seen[i : i + _ROW]) for i in range(0, len(seen) - _ROW + 1, _ROW)]
     known = {b.tobytes(): i for i, b in blocks if np.isfinite(b).all() and len(np.unique(b, axis=0)) >= _DIFFERENT}
     # Few readings are those with which a block begins.
     begins = np.flatnonzero(np.isin(judged[: 1 - _ROW, 0], [seen[i, 0] for i in known.values()]))
     alike = ((known.get(judged[j : j + _ROW].tobytes()), int(j)) for j in begins)
-    return next((j for i, j in alike if i is not None and _is_cut(seen, judged, i, j)), None)
+    cut = ((i, j) for i, j in alike if i is not None and _is_cut(seen, judged, i, j))
+    return next((j for i, j in cut if _keeps_time(steps[0][i : i + _ROW - 1], steps[1][j : j + _ROW - 1])), None)
+
+
+def _keeps_time(one: FloatArray, other: FloatArray) -> bool:
+    """Return whether most readings of two rows are as far apart in time."""
+    return bool(np.median(np.abs(one - other)) < _SAME_TIME * np.median(one))
 
 
 def _is_cut(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], i: int, j: int) -> bool:

@@ -257,6 +257,11 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "effects are searched on the first {searched} of {count} readings; the models before and after are fitted to "
         "all of them.",
     ),
+    "input_assumed": (
+        "note",
+        "the input between its samples was taken as {words}: however it runs there, the declared model blows up from its "
+        "guesses.",
+    ),
     "input_chosen": (
         "note",
         lambda n: (

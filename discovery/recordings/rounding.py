@@ -16,6 +16,7 @@ _DISTINCT = 2  # distinct readings: of two, the difference is the step
 _TELLING = 0.1  # share of the differences that small multiples must be
 _NEIGHBOURS = 25  # readings over which the speed is seen
 _SHARED_STEPS = 0.21  # steps between readings whose errors are correlated
+_LEVELS, _VISITS, _PRINTED = 6, 4, 6.0  # gaps, readings a gap, and finer steps in a step that was rounded once more
 _MARKS = 8  # steps that tell marks from readings at a rate
 
 
@@ -43,9 +44,23 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
         step = float(near.sum() / np.round(near / step).sum())
         multiple = gaps[gaps < _NEAR_GAPS * step] / step
         told = multiple.size >= max(1.0, _TELLING * gaps.size)
-        if told and np.mean(np.abs(multiple - np.round(multiple)) < _TOLERANCE) >= _AGREEING:
+        apart = max(_TOLERANCE, _printed(gaps, step, finite.size) / step)
+        if told and np.mean(np.abs(multiple - np.round(multiple)) <= apart) >= _AGREEING:
             return step
     return 0.0
+
+
+def _printed(gaps: FloatArray, step: float, count: int) -> float:
+    """Give the finer step to which readings in steps were rounded once more, as counts printed in whole rpm; 0 without.
+
+    Then steps are of two sizes that differ by it.
+    """
+    apart = np.diff(np.sort(gaps))
+    finer = float(np.min(apart[apart > 1e-6 * step], initial=np.inf))
+    if gaps.size < _LEVELS or count < _VISITS * gaps.size or step < _PRINTED * finer:
+        return 0.0
+    multiple = gaps / finer
+    return finer if np.all(np.abs(multiple - np.round(multiple)) < _TOLERANCE) else 0.0
 
 
 def are_marks(time: FloatArray, values: FloatArray) -> bool:

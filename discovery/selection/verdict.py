@@ -14,6 +14,7 @@ from discovery.selection.decision import Decision
 from discovery.selection.odds import Odds, between_rivals, odds_of
 from discovery.selection.search import Search
 
+_NOISIER = 2.0  #: Times what is stated that noise may be.
 VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
 
 
@@ -65,10 +66,14 @@ def least_error(contender: Contender, root: Contender, context: Context) -> floa
 
 
 def is_complete(contender: Contender, root: Contender, context: Context) -> bool:
-    """Return whether the model error of a set, in training and held out, cannot be told from none."""
+    """Return whether the model error of a set, in training and held out, cannot be told from none.
+
+    What forgets within a step looks like noise; of far more noise than is stated, it counts as model error.
+    """
     evidence = contender.evidence
     largest = max(evidence.error, evidence.error_held)
-    return largest <= least_error(contender, root, context) or evidence.nil < context.settings.nats
+    noise = evidence.nil < context.settings.nats and evidence.alone < _NOISIER
+    return largest <= least_error(contender, root, context) or noise
 
 
 def verdict_of(added: Sequence[str], geometry: Sequence[str], *, complete: bool) -> str:
@@ -115,7 +120,9 @@ def strongest_lead(search: Search) -> Decision | None:
     """
     told, changes = search.decisions, ("add", "exchange", "mechanics")
     made = max((i for i, d in enumerate(told) if d.accepted and d.action in changes), default=-1)
-    weighed = (i for i, d in enumerate(told) if d.accepted == (d.action == "remove") and d.numbers.get("train", 0) > 0)
+    # What gains and moves nothing is a change of Occam's factor.
+    gains = (d.numbers.get("train", 0) > 0 < d.numbers.get("size", 1) for d in told)
+    weighed = (i for i, (d, g) in enumerate(zip(told, gains, strict=True)) if g and d.accepted == (d.action == "remove"))
     left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
     # What was refused before the last change was refused beside another set.
     odds = {i: told[i].numbers["odds"] for i in left}
