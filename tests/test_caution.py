@@ -255,9 +255,9 @@ output = {{ name = "y", unit = "m", noise = 1e-3 }}
 """
 
 
-def seen(folder: Path, *, mass: str = "value = 1.0", place: float = 0.02) -> Path:
+def seen(folder: Path, *, mass: str = "value = 1.0", place: float = 0.02, decay: float = 0.2) -> Path:
     """Write a rig file beside a free swing in closed form, of a mass of 1 kg seen 0.02 m off; return its path."""
-    time, decay = np.arange(0.0, 12.0, 0.02), 0.2
+    time = np.arange(0.0, 12.0, 0.02)
     swing = 0.1 * np.exp(-decay * time) * np.cos(np.sqrt(40.0 - decay**2) * time) + 0.02
     swing += 1e-3 * np.random.default_rng(3).standard_normal(time.size)
     np.savetxt(folder / "a.csv", np.column_stack([time, swing]), delimiter=",", header="t,y", comments="")
@@ -276,6 +276,17 @@ def test_a_constant_that_its_guess_holds_on_the_wrong_side_of_zero_is_doubted(
     if found is not None:
         assert "place of the declared model ends at zero" in (words := caution_sentence(found.summary()))
         assert "Give place a guess of 0.01 m" in words
+
+
+def test_a_loss_that_would_have_to_feed_energy_is_doubted_without_another_sign(tmp_path: Path) -> None:
+    data = load_dataset(seen(tmp_path, decay=-0.02), [tmp_path / "a.csv"])
+    fitted = first_fit(data.train, natural_units(data.train))
+    found = held_sign(fitted, fitted)
+    assert found is not None
+    words = caution_sentence(found.summary())
+    assert words.startswith("loss of the declared model ends at zero")
+    assert "feeds energy" in words
+    assert "guess of" not in words
 
 
 @pytest.mark.parametrize("sd", [0.02, 0.002])

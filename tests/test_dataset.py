@@ -9,7 +9,9 @@ import pandas as pd
 import pytest
 
 from discovery.foundation.errors import InputError
+from discovery.recordings.copies import shared_samples
 from discovery.recordings.dataset import load_dataset
+from discovery.recordings.recording import Recording
 
 RIG = """
 name = "circuit"
@@ -302,6 +304,21 @@ def test_readings_that_were_disguised_are_still_the_same(
     train, holdout = given if role == "holdout" else ([*given[0], *given[1]], [])
     with pytest.raises(InputError, match=r"two.csv, from sample \d+ on, repeats readings of .*one.csv"):
         load_dataset(folder / "rig.toml", train, holdout)
+
+
+def test_marks_are_counted_alike_and_copied_only_with_their_times() -> None:
+    """A wheel that slows down twice, counted from one on."""
+
+    def wheel(speed: float, rows: slice) -> Recording:
+        turns = np.arange(1.0, 161.0)
+        passed = ((speed - np.sqrt(speed**2 - 2 * 0.002 * turns)) / 0.002)[rows]
+        return Recording(
+            "a", passed - passed[0], None, turns[rows, None], ("output",), ("rad",), np.array([1e-6]), "", "a.csv"
+        )
+
+    first = wheel(1.2, slice(None))
+    assert shared_samples(first, wheel(0.9, slice(None))) is None
+    assert shared_samples(first, wheel(1.2, slice(30, None))) == 0
 
 
 def test_the_same_manoeuvre_again_is_no_repetition(folder: Path) -> None:

@@ -841,3 +841,15 @@ def test_trials_of_one_file_are_told_apart_by_their_column(tmp_path, told):
     records = drafted(path)["records"]
     assert [part["where"]["take no"] for part in (*records["train"], *records["holdout"])] == values
     assert len(records["train"]) == 2
+
+
+@pytest.mark.parametrize("above", [",mass A,\nt,x,\n", ",mass A\nt,x\n", "mass_A\t\t\nt\tx\ty\n", "mass_A,,\nt,x,y\n"])
+def test_a_title_with_empty_cells_is_passed_over(above: str, tmp_path: Path) -> None:
+    """As trackers of videos export the track of a body."""
+    separator, columns = ("\t" if "\t" in above else ","), above.splitlines()[1].strip(",").count("y") + 2
+    path = tmp_path / "a.txt"
+    np.savetxt(path, np.column_stack([TIME, SWING, SWING**2][:columns]), "%.6f", separator)
+    path.write_text(above + path.read_text())
+    document = drafted(path)
+    assert document["columns"]["time"]["name"] == "t"
+    assert document["columns"]["output"]["name"] == "x"

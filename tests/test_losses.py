@@ -7,7 +7,7 @@ import pytest
 from test_search import begun, context
 
 from discovery.equations.declared_terms import declared_lines
-from discovery.equations.losses import without_losses
+from discovery.equations.losses import is_passive, without_losses
 from discovery.equations.model import Model
 from discovery.mechanics.systems import declared_base, system_base
 from discovery.rigs.rig_system import ready_made
@@ -60,3 +60,19 @@ def test_of_a_declared_system_the_factors_of_its_losses_are_in_question() -> Non
             assert all(loss not in {x.name for x in line.value.free_symbols} for line in left), name
     motor = system_base(ready_made()["dc_motor"])
     assert [*without_losses(Model(motor.name, ()))]
+
+
+@pytest.mark.parametrize(
+    ("system", "constant", "passive"),
+    [
+        ("two_mass_drive", "stiffness", True),
+        ("two_mass_drive", "joint_loss", True),
+        ("two_mass_drive", "load_inertia", False),
+        ("dc_motor", "inertia", False),
+    ],
+)
+def test_what_stores_or_takes_energy_has_one_sign(system: str, constant: str, passive: bool) -> None:
+    base = system_base(ready_made()[system])
+    names = {p.name for p in base.parameters()}
+    assert constant in names, names
+    assert is_passive(Model(base.name, (), known={}), constant) == passive

@@ -43,6 +43,20 @@ def test_the_step_of_two_readings_is_their_difference() -> None:
     assert quantum(np.array([0.7, 0.7, np.nan])) == 0.0
 
 
+@given(step=st.floats(6.5, 40.0), seed=st.integers(0, 1000), unit=st.sampled_from([1.0, np.pi / 30, 0.01]))
+def test_counts_that_were_printed_in_whole_numbers_keep_their_own_step(step: float, seed: int, unit: float) -> None:
+    """A speed from the counts of an encoder, in rpm without decimals."""
+    rng = np.random.default_rng(seed)
+    counts = np.round(8.0 * np.sin(0.05 * np.arange(400)) + rng.standard_normal(400))
+    assert quantum(np.round(counts * step) * unit) == pytest.approx(step * unit, rel=0.03)
+
+
+@given(seed=st.integers(0, 1000), size=st.floats(2.0, 60.0))
+def test_whole_numbers_have_no_coarser_step(seed: int, size: float) -> None:
+    read = np.round(size * np.random.default_rng(seed).standard_normal(400))
+    assert quantum(read) == pytest.approx(1.0)
+
+
 def test_readings_that_are_stamped_where_a_mark_passes_are_not_rounded():
     marks = STEP * np.arange(60)
     passed = np.log1p(marks / 40.0)  # of a wheel that drag slows down

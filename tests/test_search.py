@@ -429,6 +429,15 @@ def test_the_verdict_follows_from_what_is_named_and_what_is_left(added, geometry
     assert verdict_of(added, geometry, complete=complete) == verdict
 
 
+@pytest.mark.parametrize(("alone", "complete"), [(1.5, True), (4.0, False)])
+def test_noise_far_beyond_what_is_stated_is_no_complete_model(alone: float, complete: bool) -> None:
+    """A model error that forgets within a step cannot be told from such noise."""
+    search = offered()
+    evidence = dataclasses.replace(search.root.evidence, error=alone, error_held=alone, nil=0.0, alone=alone)
+    contender = dataclasses.replace(search.root, evidence=evidence)
+    assert is_complete(contender, contender, search.context) == complete
+
+
 def test_a_fit_on_other_units_of_the_output_gives_the_same_odds() -> None:
     """Nothing may depend on the unit in which the output is written."""
     from dataclasses import replace

@@ -48,7 +48,8 @@ class Caution:
     """One reason not to believe an answer."""
 
     #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far from its guess),
-    #: "held_sign" (a constant of the declared model that ends at zero and would go beyond),
+    #: "held_sign" (a constant of the declared model that ends at zero and would go beyond), "far_start" (`value`, `sd`
+    #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "burst" (where it lies in time), "like_noise" (of the instrument), "not_carried", "scattered", "quiet".
     code: str

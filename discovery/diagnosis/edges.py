@@ -9,6 +9,7 @@ import numpy as np
 
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution
+from discovery.equations.losses import is_passive
 from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
 
@@ -16,6 +17,8 @@ from discovery.estimation.fit import Fit
 _EDGE = 1e-3
 #: Standard deviations by which a constant would go beyond zero.
 _BEYOND = 3.0
+#: Widths of what is believed of a coordinate that nothing reads, beyond which it begins far off.
+_FARTHER = 3.0
 
 
 def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
@@ -77,5 +80,22 @@ def held_sign(declared: Fit, final: Fit) -> Caution | None:
             most, named = beyond, name
     if named is None:
         return None
-    numbers = {"guess": problem.model.parameters[named].default, "unit": declared.told(named)["unit"]}
+    guess, unit = problem.model.parameters[named].default, declared.told(named)["unit"]
+    numbers = {"guess": guess, "unit": unit, "passive": is_passive(problem.model, named)}
     return Caution("held_sign", named, numbers=numbers)
+
+
+def far_start(final: Fit) -> Caution | None:
+    """Return the coordinate that nothing reads and that begins farthest off: no motion is known to have led it there.
+
+    It would begin by more than so many times as far as a displacement that is as heavy as what is read.
+    """
+    at_rest = [e.recording.at_rest for e in final.problem.bench.experiments]
+    unread = {s.name: s for s in final.problem.states if s.believed and not at_rest[s.experiment]}
+    far = {name: abs(final.values[name]) / s.width for name, s in unread.items()}
+    name = max(far, key=lambda n: far[n], default="")
+    if not name or far[name] < _FARTHER:
+        return None
+    told = final.told(name)
+    numbers = {"value": told["value"], "sd": told["sd"], "unit": told["unit"], "times": far[name]}
+    return Caution("far_start", name, numbers=numbers)

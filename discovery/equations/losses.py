@@ -1,4 +1,4 @@
-"""The losses that a model declares: what another law may take the place of."""
+"""The losses that a model declares, what another law may take the place of, and what of it is passive."""
 
 from __future__ import annotations
 
@@ -6,6 +6,19 @@ import sympy as sp
 
 from discovery.equations.model import Model
 from discovery.mechanics.systems import declared_base
+
+
+def is_passive(model: Model, name: str) -> bool:
+    """Return whether a constant of a declared system is the factor of a loss, or of an energy that is never negative.
+
+    With another sign it would feed energy, or tear apart what it ties.
+    """
+    base = declared_base(model.base)
+    if base is None:
+        return False
+    factor = sp.diff(base.equations.potential, sp.Symbol(name, real=True))
+    stored = bool(factor.free_symbols) and factor.is_nonnegative
+    return name in without_losses(model) or bool(stored)
 
 
 def without_losses(model: Model) -> dict[str, Model]:

@@ -16,6 +16,8 @@ from discovery.recordings.experiment import Experiment
 
 #: An initial state is known from the data to this part of the amplitude.
 _KNOWN = 0.01
+#: Of its prior, what is left of a start at rest.
+_REST = 1e-3
 #: States of a swing whose acceleration is read, over those of a linear one.
 _BENT = (1.0, 0.7, 0.45, 1.4)
 
@@ -58,9 +60,14 @@ def start_values(
     q, time = units.coordinate, units.time
     sizes = (q, q / time)[: model.mechanics.starts]
     begins = model.mechanics.begins
+    # What is read is a place, or itself a rate.
+    rates = 1 if model.mechanics.order == 0 else 0
     found = []
     for i, e in enumerate(experiments):
         for row, (size, guess) in enumerate(zip(sizes, e.initial_state(time), strict=False)):
+            if e.recording.at_rest and row >= rates:
+                found.append(StartValue(e.initial_names[row], i, row, _REST * size, _REST * size, believed=True))
+                continue
             # A spring that hardens or softens makes another swing of an acceleration than a linear one.
             starts = tuple(f * guess for f in _BENT) if e.reads_acceleration and guess else ()
             found.append(StartValue(e.initial_names[row], i, row, _KNOWN * size, size, guess=guess, starts=starts))
@@ -71,6 +78,7 @@ def start_values(
             unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
             starts, width = tuple(s * unit for s in parameter.starts), parameter.prior.width * unit
             own_unit, believed = parameter.value_unit, parameter.name in begins
+            width *= _REST if believed and e.recording.at_rest else 1.0
             found.append(
                 StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=own_unit, believed=believed)
             )

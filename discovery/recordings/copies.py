@@ -100,9 +100,7 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
     return _disguised(first, second) if at is None else at
 
 
-def _stretch(
-    seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], steps: Sequence[FloatArray]
-) -> int | None:
+def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], steps: Sequence[FloatArray]) -> int | None:
     """Return where a row of equal readings begins that both recordings hold because they were cut from one.
 
     They are as far apart in time, too: what is counted at marks is equal in all recordings but for its times.

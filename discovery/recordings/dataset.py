@@ -94,7 +94,7 @@ def _read(part: RecordPart, rig: Rig) -> Recording:
                 path = registry.locate(name)
             except registry.DataUnavailable as error:
                 raise InputError(f"{path} does not exist, and the {error}") from None
-    return read_recording(path, rig, part.samples, where=part.where, name=part.name)
+    return replace(read_recording(path, rig, part.samples, where=part.where, name=part.name), at_rest=part.at_rest)
 
 
 def load_dataset(

@@ -259,8 +259,8 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "input_assumed": (
         "note",
-        "the input between its samples was taken as {words}: however it runs there, the declared model blows up from its "
-        "guesses.",
+        "the input between its samples was taken as {words}: however it runs there, the declared model blows up from "
+        "its guesses.",
     ),
     "input_chosen": (
         "note",

@@ -93,7 +93,9 @@ def _read_all(
         if b - a < _SHORTEST or (whole.input is not None and np.ptp(whole.input[a:b]) == 0.0):
             return []
     try:
-        return [(its, read(its)) for its in (replace(part, samples=span) for span in spans)]
+        # What was held is at rest when it is let go; behind a gap it moves.
+        own = (replace(part, samples=span, at_rest=part.at_rest and i == 0) for i, span in enumerate(spans))
+        return [(its, read(its)) for its in own]
     except InputError:
         if whole.input is None:
             raise

@@ -63,6 +63,8 @@ class Recording(RecordingViews):
         Noise of each channel whose neighbours err alike; None, as an empty tuple for all of them, where it is white.
     rows : array, shape (n + 1,), or None
         Of the rows that were taken, those of the readings, and last their number; None where all hold readings.
+    at_rest : bool
+        Whether nothing moves at the first reading, as the rig file says.
 
     Examples
     --------
@@ -95,6 +97,7 @@ class Recording(RecordingViews):
     jitter: float = 0.0
     bands: tuple[BandNoise | None, ...] = ()
     rows: IntArray | None = None
+    at_rest: bool = False
 
     @cached_property
     def scatter(self) -> FloatArray:
@@ -123,7 +126,8 @@ class Recording(RecordingViews):
     def part(self, rows: slice) -> Recording:
         """Return the recording of some of its readings, in a row."""
         inputs = None if self.input is None else self.input[rows]
-        return replace(self, time=self.time[rows], output=self.output[rows], input=inputs)
+        still = self.at_rest and not rows.start
+        return replace(self, time=self.time[rows], output=self.output[rows], input=inputs, at_rest=still)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -38,10 +38,25 @@ def _strayed(found: Record) -> str:
 
 def _held_sign(found: Record) -> str:
     name, other = found["about"], quoted(-found["numbers"]["guess"], found["numbers"]["unit"])
+    if found["numbers"].get("passive"):
+        return (
+            f"{name} of the declared model ends at zero, and the recordings ask for a negative one, which no such "
+            "constant is: something that the model lacks feeds energy there, or the recordings do not tell it"
+        )
     return (
         f"{name} of the declared model ends at zero: a constant keeps the sign of its guess, and the recordings ask "
         f"for the other one. Give {name} a guess of {other}, or check the signs of the declared equations; added "
         "effects may make up for it"
+    )
+
+
+def _far_start(found: Record) -> str:
+    numbers = found["numbers"]
+    value = estimate_text(numbers["value"], numbers["sd"], numbers["unit"])
+    return (
+        f"{found['about']} = {value}: what is not read begins {figures(numbers['times'], 2)} times as far off as the "
+        "motion that is read explains, and its swing may stand for what the model lacks. If the recording begins at "
+        "rest, say so: at_rest = true beside its file in [records]"
     )
 
 
@@ -137,6 +152,7 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     ),
     "strayed": _strayed,
     "held_sign": _held_sign,
+    "far_start": _far_start,
     "acausal": _acausal,
     "effect_edge": lambda found: (
         f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "

@@ -119,6 +119,7 @@ class RecordPart:
     samples: tuple[int, int] | None = None  # ``start <= i < stop`` of the rows that `where` leaves, as a Python slice
     where: tuple[tuple[str, str | float], ...] = ()  # columns and the values that they must have; empty for all rows
     name: str | None = None  # name for people
+    at_rest: bool = False  # whether nothing moves at its first sample
 
 
 ARM_COLUMNS = Columns(TimeColumn(), InputColumn("motor_angle", "rad", "motion"), OutputColumn("tip", "m"))

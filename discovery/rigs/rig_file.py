@@ -162,6 +162,7 @@ def _records(file: RigText, table: RecordsTable) -> dict[str, tuple[RecordPart, 
                     (part.samples[0], part.samples[1]) if part.samples else None,
                     tuple(part.where.items()),
                     part.name,
+                    part.at_rest,
                 )
                 for part in parts
             )

@@ -201,6 +201,11 @@ class PartTable(Table):
         description="Name of the recording on pages: letters, digits and `_ . + -`. Left out, it is made from the "
         "file's.",
     )
+    at_rest: bool = Field(
+        default=False,
+        description="Whether nothing moves at its first row: no coordinate has a rate, and those that are not read are "
+        "where a steady force holds them. Left out, the start is fitted.",
+    )
 
 
 class RecordsTable(Table):

@@ -121,8 +121,8 @@ def strongest_lead(search: Search) -> Decision | None:
     told, changes = search.decisions, ("add", "exchange", "mechanics")
     made = max((i for i, d in enumerate(told) if d.accepted and d.action in changes), default=-1)
     # What gains and moves nothing is a change of Occam's factor.
-    gains = (d.numbers.get("train", 0) > 0 < d.numbers.get("size", 1) for d in told)
-    weighed = (i for i, (d, g) in enumerate(zip(told, gains, strict=True)) if g and d.accepted == (d.action == "remove"))
+    gains = [i for i, d in enumerate(told) if d.numbers.get("train", 0) > 0 < d.numbers.get("size", 1)]
+    weighed = (i for i in gains if told[i].accepted == (told[i].action == "remove"))
     left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
     # What was refused before the last change was refused beside another set.
     odds = {i: told[i].numbers["odds"] for i in left}
