@@ -193,19 +193,15 @@ def _read_state(text: str | None) -> tuple[float, float] | None:
 
 
 def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
-    """Refuse a state in degrees, or in a column's unit that is not an SI unit, with the same state in SI units.
-
-    A shaft that only goes on may be anywhere.
-    """
+    """Refuse a state in degrees, or in a column's unit that is not an SI unit, with the same state in SI units."""
+    first = dataset.train[0]
+    if state is None or first.rig.view is not None or first.reads_acceleration:
+        return
     import numpy as np
 
     from discovery.declarations.units import si_factor
     from discovery.foundation.errors import InputError
-    from discovery.recordings.parts import spins
 
-    first = dataset.train[0]
-    if state is None or first.rig.view is not None or first.reads_acceleration or spins(dataset.train):
-        return
     value, rate = state
     unit, column = first.coordinate_unit, first.rig.columns.output.unit
     # A hub or a pendulum may turn on: what was recorded is believed, and as much again.
