@@ -398,6 +398,13 @@ def test_a_length_may_be_any_that_was_recorded_but_not_in_another_unit(tmp_path:
             check_state((-8.0, 1.0), data)
 
 
+def test_a_command_that_there_is_not_names_what_does_its_work(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["predict", "rig.toml"])
+    assert left.value.code == 2
+    assert "discovery loop RIG --predict FILE" in capsys.readouterr().err
+
+
 def test_a_drive_that_has_turned_far_may_start_there(tmp_path: Path) -> None:
     time = np.arange(400) / 40
     pd.DataFrame({"t": time, "u": np.sin(time), "y": 10 * time}).to_csv(tmp_path / "y.csv", index=False)

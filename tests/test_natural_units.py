@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from discovery.declarations.registry import get_effect
-from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.recordings.dataset import load_dataset
 from discovery.runs.loop import close_loop
 
@@ -37,6 +37,17 @@ def test_forces_are_as_large_as_a_recorded_one_where_that_is_larger() -> None:
     assert UNITS.pushed(2.0).scale(SPEED) == UNITS.scale(SPEED)
     assert UNITS.pushed(0.05) is UNITS
     assert UNITS.pushed(0.0) is UNITS
+
+
+@pytest.mark.parametrize(("low", "reach"), [(-0.2, 0.2), (0.0, 0.1), (-0.1, 0.15)])
+def test_a_motion_to_one_side_travels_half_as_far(tmp_path: Path, low: float, reach: float) -> None:
+    time = np.arange(0.0, 9.0, 0.01)
+    way = low + (0.2 - low) * (1 - np.cos(time)) / 2
+    table = np.column_stack([time, np.cos(time), 1e3 * way])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,force,x", comments="")
+    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
+    train = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train
+    assert natural_units(train).reach("") == pytest.approx(reach, rel=0.01)
 
 
 @pytest.mark.slow

@@ -41,7 +41,23 @@ def _say_version(context: click.Context, _: click.Parameter, wanted: bool) -> No
     context.exit()
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+#: What does the work of commands that there are not.
+_INSTEAD = {"predict": "`discovery loop RIG --predict FILE` predicts another recording"}
+
+
+class _Commands(click.Group):
+    """The commands, and for those that there are not what does their work."""
+
+    def resolve_command(
+        self, context: click.Context, arguments: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is asked for."""
+        if self.get_command(context, arguments[0]) is None and arguments[0] in _INSTEAD:
+            context.fail(f"No such command '{arguments[0]}': {_INSTEAD[arguments[0]]}.")
+        return super().resolve_command(context, arguments)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.option(
     "--version",
     is_flag=True,

@@ -29,7 +29,7 @@ _WORDS = {
     "spline": "a smooth curve (spline)",
     "band_limited": "band limited",
     "linear": "straight (linear)",
-    "hold": "held",
+    "hold": "held (hold)",
 }
 
 

@@ -33,6 +33,7 @@ class NaturalUnits:
     passage: float | None = None
     #: Size of what is read; that of the coordinate where there is None.
     reading: float | None = None
+    swept: float = 1.0  #: Part of the way from one side of zero to the other that is travelled.
 
     def pushed(self, gain: float) -> NaturalUnits:
         """Return the units where the recorded force, by an input gain, may be larger than what the motion asks for.
@@ -49,8 +50,8 @@ class NaturalUnits:
         return self.coordinate if self.reading is None else self.reading
 
     def reach(self, place: str) -> float:
-        """Return the natural coordinate at a place of a declared system; where there is none, that of the system."""
-        return next((q for name, q, *_ in self.places if name == place), self.coordinate)
+        """Return half of the way that is travelled at a place of a declared system; without one, by the system."""
+        return self.swept * next((q for name, q, *_ in self.places if name == place), self.coordinate)
 
     def scale(self, parameter: Parameter) -> float:
         """Return the size of one natural unit of a parameter, in the problem's units."""
@@ -104,11 +105,18 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
         drive=drive,
         places=_places(experiments, 1.0 / time, drive),
         reading=1.0 if arm else drive if experiments[0].rig.view is not None else deflection,
+        swept=1.0 if arm or "/s" in experiments[0].coordinate_unit else _swept(experiments, deflection),
     )
     gravity = experiments[0].rig.gravity
     if gravity is None or not experiments[0].rig.traits.falls:
         return units
     return _falling(units, experiments, gravity.value)
+
+
+def _swept(experiments: Sequence[Experiment], deflection: float) -> float:
+    """Return the part of the way from one side of zero to the other that is travelled: half of it to one side."""
+    ends = [np.nanquantile(e.deflection[e.fitted], (0.001, 0.999)) for e in experiments]
+    return float(np.clip(max(high - low for low, high in ends) / max(2 * deflection, 1e-300), 0.0, 1.0))
 
 
 def _falling(units: NaturalUnits, experiments: Sequence[Experiment], gravity: float) -> NaturalUnits:
