@@ -4,8 +4,20 @@ from __future__ import annotations
 
 import sympy as sp
 
+from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.mechanics.systems import declared_base
+
+
+def takes_energy(effect: str) -> bool:
+    """Return whether an effect is a loss: a dissipation, or a force that remembers.
+
+    Examples
+    --------
+    >>> takes_energy("coulomb_friction"), takes_energy("hysteresis"), takes_energy("time_base_error")
+    (True, True, False)
+    """
+    return get_effect(effect).kind in ("dissipation", "memory")
 
 
 def is_passive(model: Model, name: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.equations.losses import without_losses
+from discovery.equations.losses import takes_energy, without_losses
 from discovery.screening.likeness import reduced
 from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
@@ -72,12 +72,12 @@ class Neighbours:
         return [self._beside(found, c) for c in self._simpler[key]]
 
     def without_losses(self, found: Contender) -> dict[str, tuple[Contender, Contender]]:
-        """Return, for a declared loss, the start without it and the likeliest effect in its place that is accepted.
+        """Return, for a declared loss, the start without it and the likeliest law in its place that is accepted.
 
-        Tried is what is beside the loss about as likely as the set found.
+        Tried is what takes energy, too, and is beside the loss about as likely as the set found.
         """
         settings, offered = self.context.settings, self.offers.beside(self.root) if self.affords(self.root) else []
-        near = [c for c in offered if c.joint > found.joint - _NEAR * settings.nats]
+        near = [c for c in offered if c.joint > found.joint - _NEAR * settings.nats and takes_energy(c.added[-1])]
         made = {}
         for loss, model in without_losses(self.root.model).items() if near else ():
             (rest,) = contenders(self.context, [((), relaxed(self.root.refit, model))])
