@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,3 +101,48 @@ def test_a_start_that_nothing_reads_and_that_lies_far_off_is_doubted(
         assert words.startswith(f"{start.name} = ")
         assert "5 times as far off" in words
         assert "at_rest = true" in words
+
+
+SWING = """
+name = "a body on a spring"
+kind = "oscillator"
+[columns]
+time = { name = "t", unit = "s" }
+output = { name = "y", unit = "UNIT", noise = 1e-3READS }
+[records]
+train = [{ file = "a.csv", at_rest = true }]
+"""
+
+
+def swinging(folder: Path, *, acceleration: bool = False, hold: float = 0.0) -> Path:
+    """Write a swing that is let go at one metre, after a while in which it is held there, and its rig file."""
+    time = np.arange(0.0, 12.0, 0.02)
+    decay, frequency = 0.2, np.sqrt(16.0 - 0.04)
+    phase = np.maximum(time - hold, 0.0)
+    swing = np.exp(-decay * phase) * (np.cos(frequency * phase) + decay / frequency * np.sin(frequency * phase))
+    speed = -16.0 / frequency * np.exp(-decay * phase) * np.sin(frequency * phase)
+    read = -16.0 * swing - 2 * decay * speed if acceleration else swing
+    y = read + 1e-3 * np.random.default_rng(2).standard_normal(time.size)
+    np.savetxt(folder / "a.csv", np.column_stack([time, y]), delimiter=",", header="t,y", comments="")
+    text = SWING.replace("UNIT", "m/s^2" if acceleration else "m")
+    text = text.replace("READS", ', reads = "acceleration"' if acceleration else "")
+    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    return folder / "rig.toml"
+
+
+@pytest.mark.parametrize("kind", [{}, {"acceleration": True}, {"hold": 2.0}], ids=["place", "acceleration", "held"])
+def test_what_is_let_go_begins_where_it_is_held(tmp_path: Path, kind: dict[str, Any]) -> None:
+    """Its rate alone is zero; a release is seen a little after it, on the way."""
+    train = load_dataset(swinging(tmp_path, **kind)).train
+    found = first_fit(train, natural_units(train))
+    assert found.values["delta_0_init[a]"] == pytest.approx(1.0, abs=0.05)
+    assert found.chi2 < 1.3 * found.problem.bench.n_data
+    assert train[0].recording.at_rest == ("hold" not in kind)
+
+
+def test_a_file_that_the_command_line_names_begins_as_the_rig_file_says(tmp_path: Path) -> None:
+    rig = swinging(tmp_path)
+    assert load_dataset(rig, [tmp_path / "a.csv"]).train[0].recording.at_rest
+    np.savetxt(tmp_path / "b.csv", np.genfromtxt(tmp_path / "a.csv", delimiter=",", skip_header=9), delimiter=",")
+    (tmp_path / "b.csv").write_text("t,y\n" + (tmp_path / "b.csv").read_text())
+    assert not load_dataset(rig, [tmp_path / "b.csv"]).train[0].recording.at_rest

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
+from discovery.estimation.declared import declared_model
 from discovery.estimation.input_choice import choose_interpolation
-from discovery.foundation.errors import InputError
+from discovery.estimation.natural_units import natural_units
+from discovery.estimation.step import choose_step
+from discovery.foundation.errors import ComputationError, InputError
 from discovery.recordings.dataset import load_dataset
 
 RIG = """
@@ -105,3 +111,42 @@ def test_uneven_steps_leave_the_other_kinds(tmp_path):
     dataset = choose_interpolation(load_dataset(rig, files))
     assert dataset.rig.columns.input.interpolation in ("spline", "linear")
     assert "band limited" not in dataset.train[0].recording.notes[-1]
+
+
+def test_a_motion_that_runs_away_is_no_question_of_the_step(tmp_path: Path) -> None:
+    """Two discs whose shaft pushes them apart: no step is tried that would take all memory."""
+    text = """
+    name = "two discs"
+    [system]
+    coordinates = { drive = "rad", load = "rad" }
+    input = { effort = "N m" }
+    kinetic = "near*dot(drive)^2/2 + far*dot(load)^2/2"
+    potential = "stiffness*(drive - load)^2/2"
+    dissipation = "loss*dot(drive)^2/2"
+    forces = { drive = "effort" }
+    output = "drive"
+    places = { drive = "drive" }
+    [system.constants]
+    near = { guess = 1.5e-3, unit = "kg m^2" }
+    far = { guess = 1.5e-3, unit = "kg m^2" }
+    stiffness = { guess = -20, unit = "N m / rad" }
+    loss = { guess = 1e-2, unit = "N m s" }
+    [columns]
+    time = { name = "t", unit = "s" }
+    input = { name = "u", unit = "N m", interpolation = "auto" }
+    output = { name = "y", unit = "rad", noise = 1e-3 }
+    """
+    time = np.arange(0.0, 6.0, 0.01)
+    force = np.sign(np.sin(2 * time))
+    pd.DataFrame({"t": time, "u": force, "y": np.sin(2 * time) + 0.1 * time}).to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    train = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+    model = declared_model(train.train[0])
+    units = natural_units(train.train)
+    values = {n: p.default for n, p in model.parameters.items()}
+    with pytest.raises(ComputationError, match="No step gives"):
+        choose_step(model, train.train, units, values)
+    chosen = choose_interpolation(train)
+    (flag,) = (f for f in chosen.train[0].recording.flags if f.code == "input_assumed")
+    assert "blows up from its guesses" in flag.sentence
+    assert chosen.rig.columns.input.interpolation == "spline"

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from test_search import begun, context
 
+from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.equations.declared_terms import declared_lines
-from discovery.equations.losses import is_passive, without_losses
+from discovery.equations.losses import is_passive, same_losses, without_losses
 from discovery.equations.model import Model
 from discovery.mechanics.systems import declared_base, system_base
 from discovery.rigs.rig_system import ready_made
@@ -28,8 +29,9 @@ def searched(**effects: float) -> Search:
 
 def test_a_law_takes_the_place_of_a_loss_that_is_not_there() -> None:
     search = searched(xi=0.0, c_2=0.12)
-    assert (search.offers.given_up, search.best.added) == ("viscous_damping", ("quadratic_drag",))
-    assert search.root.model.effects == ("linear_stiffness",)
+    assert (search.offers.given_up, search.best.added) == ({"viscous_damping"}, ("quadratic_drag",))
+    assert search.neighbours.root.model.effects == ("linear_stiffness",)
+    assert "viscous_damping" in search.root.model.effects  # what was declared stays the measure
     assert search.best.model.effects == ("linear_stiffness", "quadratic_drag")
     (step,) = (d for d in search.decisions if d.action == "exchange")
     assert step.effects == ("viscous_damping", "quadratic_drag")
@@ -40,7 +42,7 @@ def test_a_law_takes_the_place_of_a_loss_that_is_not_there() -> None:
 @pytest.mark.parametrize("effects", [{"xi": 0.08}, {"xi": 0.08, "c_2": 0.3}])
 def test_a_loss_that_is_there_stays(effects: dict[str, float]) -> None:
     search = searched(**effects)
-    assert search.offers.given_up == ""
+    assert search.offers.given_up == frozenset()
     assert "viscous_damping" in search.best.model.effects
     assert search.best.refit.values["xi"] == pytest.approx(0.08, rel=0.2)
 
@@ -76,3 +78,32 @@ def test_what_stores_or_takes_energy_has_one_sign(system: str, constant: str, pa
     names = {p.name for p in base.parameters()}
     assert constant in names, names
     assert is_passive(Model(base.name, (), known={}), constant) == passive
+
+
+LOSS = {1: "N s m^-1", 2: "N s^2 m^-2"}
+
+
+def declared(potential: str, dissipation: str) -> Model:
+    """Return the model of a body on one coordinate."""
+    units = {"mass": "kg", "spring": "N m^-1", "curl": "N m^-3", "loss": LOSS[1 + dissipation.count("abs")]}
+    constants = {n: Constant(unit, 1.0, free=n != "mass") for n, unit in units.items()}
+    system = SystemDeclaration(
+        name="a body", coordinates={"x": "m"}, constants=constants, kinetic="mass*dot(x)^2/2", potential=potential,
+        dissipation=dissipation, output="x", places={"body": "x", "half": "x/2"},
+    )  # fmt: skip
+    return Model(system_base(system).name, ())
+
+
+def test_a_spring_beside_others_and_what_feeds_energy_may_have_either_sign() -> None:
+    only = declared("spring*x^2/2", "loss*dot(x)^2/2")
+    assert is_passive(only, "spring")
+    beside = declared("spring*x^2/2 + curl*x^4/4", "-loss*dot(x)^2/2")
+    assert not any(is_passive(beside, name) for name in ("spring", "curl", "loss"))
+    assert without_losses(beside) == {}
+
+
+def test_a_loss_of_a_system_is_viscous_damping_at_its_places() -> None:
+    plain = declared("spring*x^2/2 + curl*x^4/4", "loss*dot(x)^2/2")
+    assert same_losses(plain, "loss") == {"viscous_damping_at_body", "viscous_damping_at_half"}
+    drag = declared("spring*x^2/2 + curl*x^4/4", "loss*dot(x)^2*abs(dot(x))/3")
+    assert same_losses(drag, "loss") == frozenset()

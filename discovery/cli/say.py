@@ -26,8 +26,8 @@ def say_loop(result: LoopResult) -> None:
     click.echo(f"verdict: {content['verdict']}")
     for effect in content["effects"]:
         click.echo(_effect_line(effect))
-    for step in content["steps"] if content.get("given_up") else ():
-        if step["action"] == "exchange" and step["effects"][0] in content["given_up"]:
+    for step in content.get("steps", ()):
+        if step["action"] == "exchange" and step["effects"][0] in content.get("given_up", ()):
             click.echo(f"given up: {step['effects'][0]}, which is declared; {decision_sentence(step)}")
     click.echo(f"model error: {model_error_words(content)}")
     if content.get("lead"):

@@ -81,7 +81,7 @@ def held_sign(declared: Fit, final: Fit) -> Caution | None:
     if named is None:
         return None
     guess, unit = problem.model.parameters[named].default, declared.told(named)["unit"]
-    numbers = {"guess": guess, "unit": unit, "passive": is_passive(problem.model, named)}
+    numbers = {"guess": guess, "unit": unit, "passive": guess > 0 and is_passive(problem.model, named)}
     return Caution("held_sign", named, numbers=numbers)
 
 
@@ -90,8 +90,7 @@ def far_start(final: Fit) -> Caution | None:
 
     It would begin by more than so many times as far as a displacement that is as heavy as what is read.
     """
-    at_rest = [e.recording.at_rest for e in final.problem.bench.experiments]
-    unread = {s.name: s for s in final.problem.states if s.believed and not at_rest[s.experiment]}
+    unread = {s.name: s for s in final.problem.states if s.believed and not s.still}
     far = {name: abs(final.values[name]) / s.width for name, s in unread.items()}
     name = max(far, key=lambda n: far[n], default="")
     if not name or far[name] < _FARTHER:

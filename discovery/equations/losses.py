@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sympy as sp
 
+from discovery.declarations.place import placed
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
+from discovery.mechanics.declared_equations import coordinates_of
 from discovery.mechanics.systems import declared_base
 
 
@@ -21,16 +23,20 @@ def takes_energy(effect: str) -> bool:
 
 
 def is_passive(model: Model, name: str) -> bool:
-    """Return whether a constant of a declared system is the factor of a loss, or of an energy that is never negative.
+    """Return whether a constant of a declared system is the factor of a loss, or of an only spring.
 
     With another sign it would feed energy, or tear apart what it ties.
     """
     base = declared_base(model.base)
     if base is None:
         return False
-    factor = sp.diff(base.equations.potential, sp.Symbol(name, real=True))
-    stored = bool(factor.free_symbols) and factor.is_nonnegative
-    return name in without_losses(model) or bool(stored)
+    if name in without_losses(model):
+        return True
+    potential, x = base.equations.potential, sp.Symbol(name, real=True)
+    spring = sp.diff(potential, x)
+    tied = spring.free_symbols & {*coordinates_of(len(base.declaration.coordinates))[0]}
+    only = not (potential - x * spring).expand().free_symbols & tied
+    return bool(tied and only and spring.is_nonnegative and sp.Poly(spring.expand(), *tied).total_degree() == 2)
 
 
 def without_losses(model: Model) -> dict[str, Model]:
@@ -53,6 +59,27 @@ def without_losses(model: Model) -> dict[str, Model]:
     others = [read.kinetic, read.potential, read.output, *read.forces, *(value for value, _ in read.places.values())]
     elsewhere = set().union(*(sp.sympify(other).free_symbols for other in others))
     for x in sorted(read.dissipation.free_symbols - elsewhere, key=str):
-        if x.name in free and sp.diff(read.dissipation, x, 2) == 0:
+        factor = sp.diff(read.dissipation, x)
+        if x.name in free and factor.is_nonnegative and x not in factor.free_symbols:
             found[x.name] = Model(model.base, model.effects, {**model.known, x.name: 0.0})
     return found
+
+
+def same_losses(model: Model, loss: str) -> frozenset[str]:
+    """Return the effects that are a declared loss by another name: itself, or viscous damping at a place.
+
+    Examples
+    --------
+    >>> same_losses(Model("oscillator", ("viscous_damping",)), "viscous_damping")
+    frozenset({'viscous_damping'})
+    """
+    base = declared_base(model.base)
+    if base is None or loss in model.effects:
+        return frozenset({loss})
+    factor, found = sp.diff(base.equations.dissipation, sp.Symbol(loss, real=True)), set()
+    places, rates, _ = coordinates_of(len(base.declaration.coordinates))
+    for name, (value, _) in base.equations.places.items():
+        rate = sum((sp.diff(value, q) * qd for q, qd in zip(places, rates, strict=True)), sp.Integer(0))
+        if rate != 0 and not sp.simplify(factor / rate**2).free_symbols.intersection((*places, *rates)):
+            found.add(placed("viscous_damping", name))
+    return frozenset(found)

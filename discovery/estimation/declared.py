@@ -183,7 +183,7 @@ def _from_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit | None
 
 def _begun_elsewhere(found: Fit, experiments: Sequence[Experiment]) -> Fit | None:
     """Return the fit in which a coordinate that is not read begins elsewhere; None where none leaves less."""
-    unread = [state for state in found.problem.states if state.believed]
+    unread = [state for state in found.problem.states if state.believed and not state.still]
     known = {n: v for n, v in found.values.items() if n not in {state.name for state in unread}}
     starts = [{**k, state.name: way * state.width} for k in ({}, known) for state in unread for way in (-1.0, 1.0)]
     return _fit_from_best(starts, found, experiments, 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model, check_declared
@@ -36,6 +36,7 @@ class StartValue:
     own_unit: str = field(default="", kw_only=True)  # SI unit of what is no state; empty for a state
     guess: float = field(default=0.0, kw_only=True)  # what its recording tells of it; zero where that tells nothing
     believed: bool = field(default=False, kw_only=True)  # its prior keeps a fit from what no reading tells
+    still: bool = field(default=False, kw_only=True)  # at rest, as the rig file says
 
     def unit(self, coordinate: str) -> str:
         """Return its SI unit where the coordinate has this one."""
@@ -60,13 +61,13 @@ def start_values(
     q, time = units.coordinate, units.time
     sizes = (q, q / time)[: model.mechanics.starts]
     begins = model.mechanics.begins
-    # What is read is a place, or itself a rate.
-    rates = 1 if model.mechanics.order == 0 else 0
+    rate = 0 if model.mechanics.order == 1 else 1  # which number of a start is the rate
     found = []
     for i, e in enumerate(experiments):
         for row, (size, guess) in enumerate(zip(sizes, e.initial_state(time), strict=False)):
-            if e.recording.at_rest and row >= rates:
-                found.append(StartValue(e.initial_names[row], i, row, _REST * size, _REST * size, believed=True))
+            if e.recording.at_rest and row == rate:
+                least = _REST * size
+                found.append(StartValue(e.initial_names[row], i, row, least, least, believed=True, still=True))
                 continue
             # A spring that hardens or softens makes another swing of an acceleration than a linear one.
             starts = tuple(f * guess for f in _BENT) if e.reads_acceleration and guess else ()
@@ -78,10 +79,10 @@ def start_values(
             unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
             starts, width = tuple(s * unit for s in parameter.starts), parameter.prior.width * unit
             own_unit, believed = parameter.value_unit, parameter.name in begins
-            width *= _REST if believed and e.recording.at_rest else 1.0
-            found.append(
-                StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=own_unit, believed=believed)
-            )
+            still = believed and e.recording.at_rest
+            width *= _REST if still else 1.0
+            value = StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=own_unit)
+            found.append(replace(value, believed=believed, still=still))
     return tuple(found)
 
 

@@ -25,8 +25,8 @@ TOLERANCE = 1e-6
 _PATIENCE = 4
 #: the best step will do if its error is below this.
 _USABLE = 1e-2
-#: Steps of all recordings, and of each reading, beyond which a motion runs away rather than needs shorter ones.
-_MOST_STEPS, _A_READING = 2_000_000, 8
+#: What errs by more than so much runs away: shorter steps than so many of all recordings, or of a reading, do not help.
+_RUNS_AWAY, _MOST_STEPS, _A_READING = 1e6, 2_000_000, 8
 #: A step whose error is below this part of the tolerance, where a longer one was above it, is made longer to reach this
 #: part of it, so often at most.
 _FAR_BELOW, _AIM, _LONGER = 0.25, 0.7, 3
@@ -50,8 +50,9 @@ def choose_step(
     tried, against half of it [s]. Raises ComputationError if no step reaches the tolerance.
     """
     probe = Probe.of(model, effects or model.effects, units, values)
-    durations, readings = ([f(e.recording.time) for e in experiments] for f in (np.ptp, np.size))
-    shortest = max(shortest, float(sum(durations)) / max(_MOST_STEPS, _A_READING * sum(readings)))
+    readings = sum(e.recording.time.size for e in experiments)
+    duration = sum(float(np.ptp(e.recording.time)) for e in experiments)
+    hopeless = duration / max(_MOST_STEPS, _A_READING * readings)
     step = max(probe.longest(experiments), shortest)
     tried: dict[float, float] = {}
 
@@ -68,7 +69,7 @@ def choose_step(
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
         too_much = tried[step]
         change = float(np.clip(0.9 * (tolerance / too_much) ** 0.25, 0.125, 0.9)) if np.isfinite(too_much) else 0.5
-        if step <= shortest:
+        if step <= shortest or (step * change < hopeless and not too_much < _RUNS_AWAY):
             break
         step = max(step * change, shortest)
     best = min(tried, key=lambda h: tried[h])

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
+from pathlib import Path
 
 from discovery.declarations.registry import get_effect
 from discovery.foundation.arguments import as_path, as_paths, expect
@@ -82,6 +83,12 @@ class Dataset(DatasetViews):
         return (*self.everything, *(("test", e) for e in self.test))
 
 
+def _whole(path: Path, rig: Rig) -> RecordPart:
+    """Return the whole of a file; it begins at rest if the rig file says so of it from its first row on."""
+    named = (p for parts in rig.records.values() for p in parts if os.path.realpath(p.file) == os.path.realpath(path))
+    return RecordPart(path, at_rest=any(p.at_rest and not (p.samples and p.samples[0]) for p in named))
+
+
 def _read(part: RecordPart, rig: Rig) -> Recording:
     path = part.file
     if not os.path.exists(path):
@@ -137,8 +144,8 @@ def load_dataset(
     files = "Give the path of a recording, or a list of them."
     fitted, held = as_paths(train, "train", files), as_paths(holdout, "holdout", files)
     parts = {
-        "train": [RecordPart(p) for p in fitted] or list(rig.records.get("train", ())),
-        "holdout": [RecordPart(p) for p in held] or ([] if fitted else list(rig.records.get("holdout", ()))),
+        "train": [_whole(p, rig) for p in fitted] or list(rig.records.get("train", ())),
+        "holdout": [_whole(p, rig) for p in held] or ([] if fitted else list(rig.records.get("holdout", ()))),
         "test": [] if fitted or held else list(rig.records.get("test", ())),
     }
     if not parts["train"]:

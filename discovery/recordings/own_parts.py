@@ -93,8 +93,9 @@ def _read_all(
         if b - a < _SHORTEST or (whole.input is not None and np.ptp(whole.input[a:b]) == 0.0):
             return []
     try:
-        # What was held is at rest when it is let go; behind a gap it moves.
-        own = (replace(part, samples=span, at_rest=part.at_rest and i == 0) for i, span in enumerate(spans))
+        # Behind a gap it moves, and a release is seen a little after it.
+        still = [part.at_rest and edge == 0 for edge in edges]
+        own = (replace(part, samples=span, at_rest=rest) for span, rest in zip(spans, still, strict=False))
         return [(its, read(its)) for its in own]
     except InputError:
         if whole.input is None:

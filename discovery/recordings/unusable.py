@@ -169,9 +169,9 @@ def _drives(experiment: Experiment, level: float = 0.0) -> bool:
     if y.size <= _BEGINNING:
         return False
     most, begins = float(np.max(np.abs(y))), float(np.median(np.abs(y[:_BEGINNING])))
-    # Half of the readings are there: no single one that is wild. A fast step is over within a few readings.
-    later, first = float(np.median(np.abs(y[y.size // 2 :]))), float(np.min(np.abs(y[:_BEGINNING])))
-    if base.order and base.starts == 1 and later - first > max(_HARDLY * later, _MOVES * r.noise[0]):
+    # Half of the readings are there: no single one that is wild.
+    grown = float(np.median(np.abs(y[y.size // 2 :]))) - begins
+    if base.order and base.starts == 1 and grown > max(_HARDLY * (grown + begins), _MOVES * r.noise[0]):
         return True
     rests = begins < max(_AT_REST * most, _SEEN * r.noise[0])
     steps = np.abs(y[_BEGINNING:] - y[:-_BEGINNING])

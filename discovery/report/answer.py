@@ -107,6 +107,11 @@ def _with_numbers(formula: str, values: Mapping[str, str]) -> str:
     return re.sub(r"(?<=[\d}]) (?=\d)", r" \\cdot ", body)
 
 
+def given_up(run: Run) -> str:
+    """Return the declared losses in whose place an effect stands, in words; empty without."""
+    return listed([effect_name(loss) for loss in run.loop.get("given_up", ())])
+
+
 def added_effects(run: Run) -> list[tuple[str, str, list[tuple[str, str]], str, str]]:
     """Return what the loop added: name, title, parameters with their values, odds and rivals, in words."""
     found = []

@@ -50,7 +50,7 @@ def sought(found: Fit, context: Context) -> Fit:
 
 def _again(found: Fit, effect: str) -> Refit | None:
     """Return the best refit of an effect beside the others; None where nothing is finite."""
-    without = relaxed(Refit(effect, found.problem, found.minimum), [effect])
+    without = relaxed(Refit(effect, found.problem, found.minimum), found.model.without(effect))
     if not np.isfinite(without.chi2):
         return None
     problem, minimum = held_fixed(without.problem, without.minimum)

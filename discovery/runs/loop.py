@@ -225,7 +225,7 @@ def _with_base(base: str, before: Fit, search: Search, context: Context) -> Cont
     if base == _EXACT:
         return search.unapproximated()
     added = search.best.added
-    declared = before.model.without([e for e in before.model.effects if e == search.offers.given_up])
+    declared = before.model.without([e for e in before.model.effects if e in search.offers.given_up])
     model = declared.with_effect(*[e for e in added if e not in declared.effects]).on_base(base)
     values = {n: v for n, v in search.best.refit.values.items() if "[" not in n and n in model.parameters}
     fitted = context.fit(model, values, {}) if added or base != before.model.base else before

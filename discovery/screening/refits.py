@@ -215,13 +215,12 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh
     return settled(problems, vectors)
 
 
-def relaxed(fitted: Refit, dropped: Sequence[str] | Model) -> Refit:
-    """Return a refit without some of its effects, or of a model that has less than it, fitted again.
+def relaxed(fitted: Refit, model: Model) -> Refit:
+    """Return the refit of a model that has less than another, fitted again from where that is.
 
-    `fitted`: with them. `dropped`: effects, or the model that is left.
+    `fitted`: the other one. `model`: what is left of its model.
     """
     problem = fitted.problem
-    model = dropped if isinstance(dropped, Model) else problem.model.without(dropped)
     smaller = Problem(model, problem.bench, problem.units, problem.gaussian)
     (minimum,) = fit_problems([smaller], [smaller.start(fitted.values)], tolerance=1e-6, rough=True)
     # A falling body needs no effect at all.

@@ -10,7 +10,7 @@ from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
 from discovery.selection.odds import HELD, odds_of
-from discovery.selection.offers import Offers
+from discovery.selection.offers import Offers, plain
 
 #: Sets so many times the nats of an accepted effect behind are integrated by sampling where the set found is.
 _NEAR = 3.0
@@ -47,7 +47,7 @@ class Neighbours:
         if (key := (found.key, found.chi2, effect)) not in self._smaller:
             rest = tuple(e for e in found.added if e != effect)
             known = self.offers.known(rest, found.model.base)
-            made = contenders(self.context, [(rest, relaxed(found.refit, [effect]))])
+            made = contenders(self.context, [(rest, relaxed(found.refit, found.model.without(effect)))])
             self._smaller[key] = max([*made, *(known if rest else [self.root])], key=lambda c: c.joint)
         return self._beside(found, self._smaller[key])
 
@@ -74,17 +74,17 @@ class Neighbours:
     def without_losses(self, found: Contender) -> dict[str, tuple[Contender, Contender]]:
         """Return, for a declared loss, the start without it and the likeliest law in its place that is accepted.
 
-        Tried is what takes energy, too, and is beside the loss about as likely as the set found.
+        Tried is a loss that beside the declared one is about as likely as the set found.
         """
         settings, offered = self.context.settings, self.offers.beside(self.root) if self.affords(self.root) else []
-        near = [c for c in offered if c.joint > found.joint - _NEAR * settings.nats and takes_energy(c.added[-1])]
-        made = {}
+        lossy = (c for c in plain(offered) if takes_energy(c.added[-1]) and {*c.added} != {*found.added})
+        near = [c for c in lossy if c.joint > found.joint - _NEAR * settings.nats]
+        made: dict[str, tuple[Contender, Contender]] = {}
         for loss, model in without_losses(self.root.model).items() if near else ():
             (rest,) = contenders(self.context, [((), relaxed(self.root.refit, model))])
             sets = contenders(self.context, [(c.added, relaxed(c.refit, without_losses(c.model)[loss])) for c in near])
-            accepted = (c for c in sets if odds_of(c, rest, rest, settings).code(settings, HELD) == "accepted")
-            if (other := next(accepted, None)) is not None:
-                made[loss] = rest, self._beside(found, other)
+            for c in [c for c in sets if odds_of(c, rest, rest, settings).code(settings, HELD) == "accepted"][:1]:
+                made[loss] = rest, self._beside(found, c)
         return made
 
     def _beside(self, found: Contender, other: Contender) -> Contender:

@@ -30,7 +30,7 @@ _Key = tuple[frozenset[str], str]
 class Offers:
     """What the catalogue offers beside the sets of one search, each made once; nothing that was `given_up` before."""
 
-    def __init__(self, context: Context, given_up: str = "") -> None:
+    def __init__(self, context: Context, given_up: frozenset[str] = frozenset()) -> None:
         self.context, self.given_up = context, given_up
         self._made: dict[_Key, list[Contender]] = {}
         self._pairs: dict[_Key, list[Contender]] = {}
@@ -49,7 +49,7 @@ class Offers:
         """Return every candidate beside a set with its linear score, the largest first."""
         if node.key not in self._scored:
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            names = [n for n in self.context.candidates(problem.model) if n != self.given_up]
+            names = [n for n in self.context.candidates(problem.model) if n not in self.given_up]
             beside = f" beside {' and '.join(node.added)}" if node.added else ""
             self.context.progress(f"screening the catalogue{beside} ({len(names)} effects)")
             self._scored[node.key] = tuple(screen(minimum, problem, names))

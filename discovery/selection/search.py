@@ -8,6 +8,7 @@ import numpy as np
 
 from discovery.declarations.forces import SmoothForce
 from discovery.declarations.registry import get_effect
+from discovery.equations.losses import same_losses
 from discovery.estimation.fit import Fit
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
@@ -38,7 +39,7 @@ class Search:
     Attributes
     ----------
     root, best : Contender
-        The start, and the set found so far.
+        The declared model, and the set found so far.
     decisions : list of Decision
         What was decided, in order.
     unknown : Unknown or None
@@ -76,16 +77,17 @@ class Search:
             step()
 
     def _give_up_a_loss(self) -> bool:
-        """Let an effect take the place of a loss that is declared where it serves better."""
+        """Let an effect take the place of a declared loss where it serves better."""
         declared = {} if self._leaves_noise() else self.neighbours.without_losses(self.best)
-        for loss, (root, other) in declared.items():
-            odds = between_rivals(other, self.best, self.context.settings)
-            if odds > self.context.settings.nats and frozenset(other.added) != frozenset(self.best.added):
-                self.decisions.append(Decision("exchange", (loss, *other.added), True, "accepted", {"odds": odds}))
-                self.offers = Offers(self.context, loss)
-                self.best, self.root, self.neighbours = other, root, Neighbours(self.context, self.offers, root)
-                return True
-        return False
+        odds = {n: between_rivals(c, self.best, self.context.settings) for n, (_, c) in declared.items()}
+        if not max(odds.values(), default=0.0) > self.context.settings.nats:
+            return False
+        loss = max(odds, key=lambda n: odds[n])
+        root, self.best = declared[loss]
+        self.decisions.append(Decision("exchange", (loss, *self.best.added), True, "accepted", {"odds": odds[loss]}))
+        self.offers = Offers(self.context, same_losses(self.root.model, loss))
+        self.neighbours = Neighbours(self.context, self.offers, root)
+        return True
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
@@ -188,7 +190,7 @@ class Search:
         other = self.unapproximated()
         if not (gain := other.joint - self.best.joint) > self.context.settings.nats:
             return False
-        root = on_mechanics(self.root, other.model.base, self.context) if self.best.added else other
+        root = on_mechanics(self.neighbours.root, other.model.base, self.context) if self.best.added else other
         if root is None:
             return False
         self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
