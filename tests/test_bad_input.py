@@ -119,7 +119,7 @@ TABLES = {
         ["column 'tip_y_m'", "every reading", "is 0.25", "dead or not connected"],
     ),
     "empty sensor": (lambda f: f.assign(tip_y_m=np.nan), ["column 'tip_y_m' is too short: 0 readings in 600 rows"]),
-    "too short": (lambda f: f[:30], ["too short: 30 rows", "at least 50"]),
+    "too short": (lambda f: f[:20], ["too short: 20 rows", "at least 30"]),
     "less than a swing": (
         lambda f: f.assign(time_s=f["time_s"] / 10),
         ["column 'time_s'", "too short: it lasts 0.599 s, less than one swing", "Record longer"],

@@ -330,13 +330,13 @@ def test_the_same_manoeuvre_again_is_no_repetition(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        (320, r"46 of its 320 rows, and at least 50 are needed. Take more rows, by samples"),
-        (46, r"one.csv is too short: 46 rows, and at least 50 are needed. Record longer"),
+        (320, r"26 of its 320 rows, and at least 30 are needed. Take more rows, by samples"),
+        (26, r"one.csv is too short: 26 rows, and at least 30 are needed. Record longer"),
     ],
 )
 def test_too_few_rows_are_told_beside_those_of_the_file(folder: Path, rows: int, said: str) -> None:
     pd.read_csv(folder / "one.csv")[:rows].to_csv(folder / "one.csv", index=False)
-    records = f'[records]\ntrain = [{{ file = "one.csv", samples = [{rows - 46}, {rows}] }}]\n'
+    records = f'[records]\ntrain = [{{ file = "one.csv", samples = [{rows - 26}, {rows}] }}]\n'
     (folder / "records.toml").write_text(RIG + records)
     with pytest.raises(InputError, match=said):
         load_dataset(folder / "records.toml")

@@ -316,7 +316,7 @@ def test_a_rig_file_declares_a_system(tmp_path: Path) -> None:
         (
             "loss = {",
             'length = { value = 1.0, unit = "m" }\ng = { value = 9.8, unit = "m s^-2" }\nloss = {',
-            r"key 'constants.length': .* in a model, and so is 'g'\. .*'length_body'\. docs/YOUR_SYSTEM\.md lists",
+            r"key 'constants.length': .* in a model, and so is 'g'\. .*'own_length'\. docs/YOUR_SYSTEM\.md lists",
         ),
         ("loss = {", "drive_loss = {", r"key 'constants.drive_loss': the name 'drive_loss' is that"),
         ("loss = {", "lambda = {", r"key 'constants.lambda': 'lambda' cannot be a name"),

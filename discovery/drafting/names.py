@@ -10,7 +10,7 @@ from discovery.foundation.errors import InputError
 
 #: What may stand behind an underscore or a blank without brackets: other letters there are part of the name.
 _BARE = {
-    *("s", "ms", "us", "min", "m", "mm", "cm", "um", "km", "deg", "rad", "mrad", "V", "mV", "A", "mA"),
+    *("s", "ms", "us", "min", "m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "V", "mV", "A", "mA"),
     *("N", "mN", "kN", "N m", "mN m", "kN m", "pixel", "g", "mg", "rev", "rpm", "deg/s", "km/h", "mile/h"),
 }
 #: What a speed is made of: `_rad_s` states rad/s, and `_m_s2` m/s^2.

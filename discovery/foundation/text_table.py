@@ -9,6 +9,7 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from io import StringIO
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,8 @@ def parse_text(
     first = _cells(rows[0], separator)
     told = _commented_names(every[: int(lines[0]) - 1], separator, first) if header is None else []
     names = list(header) if header is not None else told or first
-    _check_names(f"{path}, line {lines[0]}", rows[0], names, first, header is not None)
+    below = [*map(_is_either_number, _cells(rows[1], separator))] if len(rows) > 1 else []
+    _check_names(f"{path}, line {lines[0]}", rows[0], names, first, given=header is not None, below=below)
     top = ""
     if header is None and not told:
         top, rows, lines = rows[0], rows[1:], lines[1:]
@@ -140,12 +142,14 @@ def _cells(row: str, separator: str) -> list[str]:
 
 
 def _commented_names(above: Sequence[str], separator: str, first: Sequence[str]) -> list[str]:
-    """Return the names of columns in the comment right above a first row of numbers; none where it names other ones."""
-    comment = above[-1].strip() if above else ""
-    if not comment or comment[0] not in "#%" or not all(map(_is_either_number, first)):
+    """Return the names of columns in the comments right above a first row of numbers; none where they name others."""
+    if not all(map(_is_either_number, first)):
         return []
-    names = _cells(comment.lstrip("#% \t"), separator)
-    return names if len(names) == len(first) and not any(map(_is_either_number, names)) else []
+    for comment in takewhile(lambda line: line[:1] in ("#", "%"), map(str.strip, reversed(above))):
+        names = _cells(comment.lstrip("#% \t"), separator)
+        if len(names) == len(first) and not any(map(_is_either_number, names)):
+            return names
+    return []
 
 
 def _decimal(rows: Sequence[str], separator: str) -> str:
@@ -171,8 +175,11 @@ def _check_quotes(path: Path, lines: IntArray, rows: Sequence[str]) -> None:
         )
 
 
-def _check_names(where: str, row: str, names: Sequence[str], first: Sequence[str], given: bool) -> None:
-    if not given and all(map(_is_either_number, names)):
+def _check_names(
+    where: str, row: str, names: Sequence[str], first: Sequence[str], *, given: bool, below: Sequence[bool]
+) -> None:
+    """Refuse a line that holds no names, as the row `below` it, of which cells are numbers, or names twice."""
+    if not given and any(told := [*map(_is_either_number, names)]) and (all(told) or told == below):
         raise InputError(
             f"{where}: the first line holds numbers, not column names. Add a header such as "
             "'time_s,motor_angle_rad,tip_x_m,tip_y_m', or for another system name the columns in the rig file, "

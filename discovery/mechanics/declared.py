@@ -198,7 +198,8 @@ class DeclaredBase(Base):
         """
         turn, (q, rates, accelerations) = 1j * frequency, self._moving
         force = sp.Matrix(self.mechanics().force)
-        stiffness, loss = (-self._numbers(force.jacobian(a)) for a in (q, rates))
+        # Drag along a way in a plane has no slope at rest that could be worked out: 0 over 0.
+        stiffness, loss = (np.nan_to_num(-self._numbers(force.jacobian(a)), posinf=0, neginf=0) for a in (q, rates))
         pushed = [*enumerate(INPUT), (0, s.u)]
         push = sum(self._numbers(force.diff(a))[:, 0] * turn**k for k, a in pushed)
         yields = np.linalg.pinv(stiffness + loss * turn + self.inertia * turn**2)

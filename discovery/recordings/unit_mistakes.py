@@ -141,22 +141,23 @@ def fall_doubt(rig: Rig, motion: Motion) -> Flag | None:
     found = slow_fall(motion[0][good], motion[1][good])
     if found is None:
         return None
-    fall, sd, slow = found
+    fall, sd, slow, rises = found
     too_slow = slow and fall + _SURE * sd < _SLOWEST * gravity
-    if not too_slow and not fall - _SURE * sd > _FASTEST * gravity:
+    # On the way up drag adds to gravity.
+    if not too_slow and (rises or not fall - _SURE * sd > _FASTEST * gravity):
         return None
     declared = si_factor(rig.columns.output.unit)
     fits = [u for u in _LENGTHS if 0.85 < fall * si_factor(u) / declared / gravity < 1.1]
     return Flag("fall_rate", numbers={"found": fall, "gravity": gravity, "right": fits[0] if fits else ""})
 
 
-def slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | None:
+def slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool, bool] | None:
     """Return what acceleration a fall has where it is slow, as at its beginning or at the top of a throw.
 
     Times [s] and heights [m] are finite. None where they are too few.
 
-    Returned: downwards, with its standard deviation [m/s^2], and whether the fall is slow anywhere; where it is not, of
-    its first samples.
+    Returned: downwards, with its standard deviation [m/s^2], whether the fall is slow anywhere; where it is not, of its
+    first samples; and whether the body rises there.
     """
     if t.size < _SAMPLES:
         return None
@@ -171,7 +172,8 @@ def slow_fall(t: FloatArray, height: FloatArray) -> tuple[float, float, bool] | 
     solution, *_ = np.linalg.lstsq(basis, height[part], rcond=None)
     rest = height[part] - basis @ solution
     variance = np.sum(rest**2) / max(s.size - 3, 1) * np.linalg.inv(basis.T @ basis)[0, 0]
-    return -2.0 * float(solution[0]), 2.0 * float(np.sqrt(variance)), last > 0
+    rises = bool(height[part][-1] > height[first])
+    return -2.0 * float(solution[0]), 2.0 * float(np.sqrt(variance)), last > 0, rises
 
 
 def check_units(found: Signals, rig: Rig) -> None:
@@ -269,7 +271,7 @@ def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -
         )
     if fall < gravity / _GRAVITY_MARGIN and (slow := slow_fall(t, height)) is not None:
         # At terminal speed it falls without acceleration; only where it is slow, or begins, does gravity show.
-        acceleration, sd, seen = slow
+        acceleration, sd, seen, _ = slow
         first, last = parabola.deriv()(t[[0, -1]])
         steady = not seen and first < 0.5 * last < 0.0
         fall = gravity if steady else acceleration + _SURE * sd

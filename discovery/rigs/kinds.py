@@ -22,7 +22,7 @@ class Kind:
     output: str
     unit: str | None = None  # unit whose dimension the output must have; None for any
     may_be_bare: bool = False  # whether a model without any effect describes a motion worth fitting
-    fewest: int = 50  # samples that a recording needs at least
+    fewest: int = 30  # samples that a recording needs at least
     #: How the input runs between samples where the rig file does not say it.
     interpolation: Literal["motion", "spline"] = "spline"
     returns: bool = False  # whether it has a rest position, about which it swings where nothing drives it

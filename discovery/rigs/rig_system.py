@@ -84,7 +84,7 @@ def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
         raise refuse(
             f"constants.{taken[0]}",
             f"the name {taken[0]!r} is that of something else in a model{others}. Write a longer one, such as "
-            f"'{taken[0]}_body'. docs/YOUR_SYSTEM.md lists the names that are taken.",
+            f"'own_{taken[0]}'. docs/YOUR_SYSTEM.md lists the names that are taken.",
         )
     declaration = _declaration(table.name, whole, refuse)
     try:
