@@ -110,6 +110,12 @@ def test_falls_with_drag_are_not_doubted(drag, viscous, speed, rate):
     assert fall_doubt(FALL, fall(drag=drag, viscous=viscous, speed=speed, rate=rate)) is None
 
 
+@pytest.mark.parametrize("duration", [0.4, 1.0, 1.5])
+@pytest.mark.parametrize("speed", [15.0, 40.0])
+def test_on_the_way_up_drag_adds_to_gravity(speed, duration):
+    assert fall_doubt(FALL, fall(drag=0.01, speed=speed, duration=duration)) is None
+
+
 @pytest.mark.parametrize("drag", [0.0, 0.01, 0.1])
 @pytest.mark.parametrize("rate", [15.0, 60.0])
 def test_falls_that_no_drag_explains_are_doubted(drag, rate):

@@ -107,3 +107,17 @@ def test_a_loss_of_a_system_is_viscous_damping_at_its_places() -> None:
     assert same_losses(plain, "loss") == {"viscous_damping_at_body", "viscous_damping_at_half"}
     drag = declared("spring*x^2/2 + curl*x^4/4", "loss*dot(x)^2*abs(dot(x))/3")
     assert same_losses(drag, "loss") == frozenset()
+
+
+def test_drag_along_a_way_in_a_plane_has_no_size_at_rest() -> None:
+    """Its slope there is 0 over 0."""
+    constants = {"mass": Constant("kg", 1.0), "g": Constant("m s^-2", 9.81)}
+    constants["drag"] = Constant("kg m^-1", 0.1, free=True)
+    speed = "sqrt(dot(x)^2 + dot(y)^2)"
+    system = SystemDeclaration(
+        name="a ball in the air", coordinates={"x": "m", "y": "m"}, constants=constants,
+        kinetic="mass*(dot(x)^2 + dot(y)^2)/2", potential="mass*g*y", dissipation="0",
+        forces={"x": f"-drag*{speed}*dot(x)", "y": f"-drag*{speed}*dot(y)"}, output="y", places={"air": "y"},
+    )  # fmt: skip
+    moved, time = system_base(system).sizes(1.0, 1.0, 2.0)["air"]
+    assert np.isfinite([moved, time]).all()

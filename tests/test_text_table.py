@@ -236,7 +236,8 @@ def test_what_is_no_text_is_refused(tmp_path, content):
         ("# t  x  v", " ", ["t", "x", "v"]),
         ("# t, x\n# made by a logger, of the old kind", ",", None),
         ("# t, x", ",", None),
-        ("# t, x, v\n# 3, 2, 1", ",", None),
+        ("# t, x, v\n# 3, 2, 1", ",", ["t", "x", "v"]),
+        ("% t\tx\tv\n%4/3/2019 1:22 PM", "\t", ["t", "x", "v"]),
     ],
 )
 def test_a_comment_above_numbers_names_the_columns(tmp_path, comment, separator, names):
@@ -262,3 +263,16 @@ def test_rows_of_empty_cells_are_passed_over(empty: str) -> None:
     columns, lines = parse_text(Path("a.csv"), "t,y\n0,1\n1,2\n" + f"{empty}\n" * 300 + "2,3\n")
     assert columns["y"].tolist() == [1, 2, 3]
     assert lines.tolist() == [2, 3, 304]
+
+
+@pytest.mark.parametrize(("row", "named"), [("2.75\t702\t76.6F", False), ("t\t1\t2", True)])
+def test_a_first_row_like_the_others_is_no_line_of_names(tmp_path: Path, row: str, named: bool) -> None:
+    """Sensors may be called by numbers; cells with their unit are no names."""
+    path = tmp_path / "r.tsv"
+    below = ["2.80\t724\t76.6F", "2.85\t745\t76.7F"] if not named else ["0.1\t3\t4", "0.2\t3\t5"]
+    path.write_text("\n".join([row, *below]))
+    if named:
+        assert list(read_table(path).columns) == ["t", "1", "2"]
+    else:
+        with pytest.raises(InputError, match="holds numbers, not column names"):
+            read_table(path)

@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import Sensor
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 
 
 class AngleOffset(Sensor):
@@ -17,7 +17,7 @@ class AngleOffset(Sensor):
 
     called = "zero offset of the sensor"
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"
-    theta_0 = Parameter("q", "zero offset", (-0.5, 0.5), Normal(0.0, 0.02), starts=(0.003, -0.003), latex=r"\theta_0")
+    theta_0 = Parameter("q", "zero offset", (-0.5, 0.5), Student(0.02), starts=(0.003, -0.003), latex=r"\theta_0")
 
     def arm_reading(self, tip_x, tip_y):
         """Return the position in the turned frame."""
