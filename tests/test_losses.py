@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from test_search import begun, context
@@ -11,6 +15,8 @@ from discovery.equations.declared_terms import declared_lines
 from discovery.equations.losses import is_passive, same_losses, without_losses
 from discovery.equations.model import Model
 from discovery.mechanics.systems import declared_base, system_base
+from discovery.report.results import Run
+from discovery.report.story import searches
 from discovery.rigs.rig_system import ready_made
 from discovery.selection.search import Search
 
@@ -121,3 +127,19 @@ def test_drag_along_a_way_in_a_plane_has_no_size_at_rest() -> None:
     )  # fmt: skip
     moved, time = system_base(system).sizes(1.0, 1.0, 2.0)["air"]
     assert np.isfinite([moved, time]).all()
+
+
+def test_the_page_tells_the_search_that_goes_on_from_a_law_in_the_place_of_a_loss() -> None:
+    """What was added beside the loss goes with it."""
+
+    def step(action: str, effects: list[str], *, candidates: Sequence[str] = ()) -> dict[str, Any]:
+        told = [{"effects": [e]} for e in candidates]
+        return {"action": action, "effects": effects, "accepted": True, "code": "accepted", "candidates": told}
+
+    steps = [
+        step("add", ["hysteresis"], candidates=["hysteresis"]),
+        step("exchange", ["viscous_damping", "quadratic_drag"]),
+        step("add", ["sensor_delay"], candidates=["sensor_delay"]),
+    ]
+    run = cast(Run, SimpleNamespace(loop={"steps": steps}))
+    assert [found.beside for found in searches(run)] == [(), ("quadratic_drag",)]

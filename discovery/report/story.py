@@ -96,7 +96,10 @@ def _after(model: Sequence[str], step: Mapping[str, Any]) -> list[str]:
     if step["action"] == "add":
         return [*model, *effects]
     left = [e for e in model if e != effects[0]]
-    return [*left, effects[1]] if step["action"] == "exchange" else left
+    if step["action"] == "exchange":
+        # What was added beside a declared loss goes with it.
+        return [*left, effects[1]] if effects[0] in model else effects[1:]
+    return left
 
 
 def named(run: Run, effects: Sequence[str]) -> bool:
