@@ -36,7 +36,8 @@ def is_passive(model: Model, name: str) -> bool:
     spring = sp.diff(potential, x)
     tied = spring.free_symbols & {*coordinates_of(len(base.declaration.coordinates))[0]}
     only = not (potential - x * spring).expand().free_symbols & tied
-    return bool(tied and only and spring.is_nonnegative and sp.Poly(spring.expand(), *tied).total_degree() == 2)
+    square = spring.is_polynomial(*tied) and sp.Poly(spring.expand(), *tied).total_degree() == 2 if tied else False
+    return bool(square and only and spring.is_nonnegative)
 
 
 def without_losses(model: Model) -> dict[str, Model]:
