@@ -43,8 +43,18 @@ def separation_sentence(found: Record) -> str:
         if len(names) > 1
     ]
     if len(laws_of(found)) > 1:
-        said.append(_promise(found) if found["decides"] else _undecided(found))
+        better = found["decides"] and found["designed"]["projected"] > found["given"]["projected"]
+        said.append(_promise(found) if better else _no_better(found) if found["decides"] else _undecided(found))
     return " ".join(said)
+
+
+def _no_better(found: Record) -> str:
+    """Return that the recordings would tell laws apart as well as any manoeuvre, were there no model error."""
+    given, designed = (figures(found[w]["projected"], 2) for w in ("given", "designed"))
+    return (
+        f"Of {found['evaluations']} manoeuvres tried none tells {', '.join(laws_apart(found))} apart better than the "
+        f"given recordings ({designed} noise sds rms, {given} on these): the model error that is left hides it."
+    )
 
 
 def _promise(found: Record) -> str:
