@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -181,3 +182,18 @@ def test_a_declared_law_that_bends_the_period_leaves_no_doubt():
     rig = pendulum(unit="deg")
     assert angle_doubt(rig, motions) is not None
     assert angle_doubt(replace(rig, declared=(*rig.declared, "cubic_stiffness")), motions) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_descent_under_a_parachute_is_not_held_against_gravity(tmp_path: Path, seed: int) -> None:
+    """It opens, slows down and then sinks steadily, read by a barometer."""
+    t = np.arange(0.0, 6.4, 0.064)
+    height = 430.0 - 3.0 * t - 4.0 * (1 - np.exp(-t / 0.6))
+    read = np.round(height + 0.5 * np.random.default_rng(seed).standard_normal(t.size), 2)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, read]), delimiter=",", header="t,h", comments="")
+    (tmp_path / "rig.toml").write_text(
+        'name = "parachute"\nkind = "falling_body"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        'output = { name = "h", unit = "m" }\n'
+    )
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+    assert "fall_rate" not in {flag.code for flag in data.train[0].recording.flags}

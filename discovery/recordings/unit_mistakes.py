@@ -142,8 +142,8 @@ def fall_doubt(rig: Rig, motion: Motion) -> Flag | None:
     if found is None:
         return None
     fall, sd, slow, rises = found
-    too_slow = slow and fall + _SURE * sd < _SLOWEST * gravity
-    # On the way up drag adds to gravity.
+    # What slows down does not tell of gravity. On the way up drag adds to it.
+    too_slow = slow and 0.0 < fall + _SURE * sd < _SLOWEST * gravity
     if not too_slow and (rises or not fall - _SURE * sd > _FASTEST * gravity):
         return None
     declared = si_factor(rig.columns.output.unit)
@@ -264,7 +264,9 @@ def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -
     parabola = np.polynomial.Polynomial.fit(t, height, 2)
     fall = -float(parabola.deriv(2)(t[0]))
     # What is thrown down faster than it falls in the end slows down, but keeps falling.
-    if fall < -0.02 * gravity and parabola.deriv()(t[-1]) > 0.0:
+    tenth = max(height.size // 10, 1)
+    way = float(np.median(height[-tenth:]) - np.median(height[:tenth]))
+    if fall < -0.02 * gravity and parabola.deriv()(t[-1]) > 0.0 and way > 0.0:
         raise InputError(
             f"{where}: the body would fall upwards. The output is the height: set scale = -1 for it in the rig file if "
             "the column holds the depth."
@@ -272,9 +274,10 @@ def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -
     if fall < gravity / _GRAVITY_MARGIN and (slow := slow_fall(t, height)) is not None:
         # At terminal speed it falls without acceleration; only where it is slow, or begins, does gravity show.
         acceleration, sd, seen, _ = slow
-        first, last = parabola.deriv()(t[[0, -1]])
-        steady = not seen and first < 0.5 * last < 0.0
-        fall = gravity if steady else acceleration + _SURE * sd
+        # Nor where it only slows down, as under a parachute that opens.
+        most, mean = acceleration + _SURE * sd, way / float(np.ptp(t))
+        steady = (not seen and parabola.deriv()(t[0]) < 0.5 * mean < 0.0) or most < 0.0 > way
+        fall = gravity if steady else min(most, gravity)
     if not gravity / _GRAVITY_MARGIN < fall < gravity * _GRAVITY_MARGIN:
         raise InputError(
             f"{where}: the body would fall with {fall:.4g} m/s^2 where gravity is {gravity:.4g} m/s^2. Correct the "

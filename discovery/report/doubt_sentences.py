@@ -65,7 +65,7 @@ def _acausal(found: Record) -> str:
     return (
         f"what is read moves {ahead} (+- {sd}) before the input does: check the time of either column, and whether the "
         "input follows the output through a controller, as a command in a closed loop does; then the loop has to be "
-        'declared (`kind = "servo"`), or what the controller does not make recorded as the input'
+        'declared (`[controller]` of kind "drive"), or what the controller does not make recorded as the input'
     )
 
 
