@@ -12,14 +12,16 @@ from discovery.mechanics.systems import declared_base
 
 
 def takes_energy(effect: str) -> bool:
-    """Return whether an effect is a loss: a dissipation, or a force that remembers.
+    """Return whether an effect is a loss as those that a model declares: a dissipation, which asks for rates alone.
+
+    A force that remembers stores energy, too, and may look like much that no catalogue holds.
 
     Examples
     --------
     >>> takes_energy("coulomb_friction"), takes_energy("hysteresis"), takes_energy("time_base_error")
-    (True, True, False)
+    (True, False, False)
     """
-    return get_effect(effect).kind in ("dissipation", "memory")
+    return get_effect(effect).kind == "dissipation"
 
 
 def is_passive(model: Model, name: str) -> bool:
