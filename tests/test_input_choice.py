@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
+from test_at_rest import RIG as RIG_OF_DISCS
 
 from discovery.estimation.declared import declared_model
 from discovery.estimation.input_choice import choose_interpolation
@@ -115,27 +116,8 @@ def test_uneven_steps_leave_the_other_kinds(tmp_path):
 
 def test_a_motion_that_runs_away_is_no_question_of_the_step(tmp_path: Path) -> None:
     """Two discs whose shaft pushes them apart: no step is tried that would take all memory."""
-    text = """
-    name = "two discs"
-    [system]
-    coordinates = { drive = "rad", load = "rad" }
-    input = { effort = "N m" }
-    kinetic = "near*dot(drive)^2/2 + far*dot(load)^2/2"
-    potential = "stiffness*(drive - load)^2/2"
-    dissipation = "loss*dot(drive)^2/2"
-    forces = { drive = "effort" }
-    output = "drive"
-    places = { drive = "drive" }
-    [system.constants]
-    near = { guess = 1.5e-3, unit = "kg m^2" }
-    far = { guess = 1.5e-3, unit = "kg m^2" }
-    stiffness = { guess = -20, unit = "N m / rad" }
-    loss = { guess = 1e-2, unit = "N m s" }
-    [columns]
-    time = { name = "t", unit = "s" }
-    input = { name = "u", unit = "N m", interpolation = "auto" }
-    output = { name = "y", unit = "rad", noise = 1e-3 }
-    """
+    text = RIG_OF_DISCS.format(rest="").replace('"linear"', '"auto"')
+    text = text.replace("stiffness = { guess = 1.0", "stiffness = { guess = -20")
     time = np.arange(0.0, 6.0, 0.01)
     force = np.sign(np.sin(2 * time))
     pd.DataFrame({"t": time, "u": force, "y": np.sin(2 * time) + 0.1 * time}).to_csv(tmp_path / "a.csv", index=False)

@@ -19,20 +19,8 @@ _RATE = re.compile(r"(?P<of>[^\W\d_]+)_(?:per_)?(?P<per>s|sec|seconds?|min|h)(?:
 _BRACKETS = re.compile(r"(?P<stem>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|/\s*(?P<slash>\S+))\s*$")
 _TIMES = {"t", "time", "times", "timestamp", "zeit", "temps", "elapsed", "seconds", "clock"}
 _CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "current", "i", "input", "command", "cmd"}
-_CAUSES |= {
-    "excitation",
-    "drive",
-    "pwm",
-    "duty",
-    "demand",
-    "thrust",
-    "load",
-    "kraft",
-    "spannung",
-    "strom",
-    "volts",
-    "amps",
-}
+_CAUSES |= {"excitation", "drive", "pwm", "duty", "thrust", "load", "kraft", "spannung", "strom", "volts", "amps"}
+_CAUSES |= {"demand"}
 _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support", "road", "ground", "floor"}
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
 _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "position", "pos", "output", "y", "x", "z"}

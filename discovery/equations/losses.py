@@ -8,17 +8,18 @@ from discovery.declarations.place import placed
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.mechanics.declared_equations import coordinates_of
+from discovery.mechanics.lagrangian import total_derivative
 from discovery.mechanics.systems import declared_base
 
 
-def takes_energy(effect: str) -> bool:
+def is_loss(effect: str) -> bool:
     """Return whether an effect is a loss as those that a model declares: a dissipation, which asks for rates alone.
 
     A force that remembers stores energy, too, and may look like much that no catalogue holds.
 
     Examples
     --------
-    >>> takes_energy("coulomb_friction"), takes_energy("hysteresis"), takes_energy("time_base_error")
+    >>> is_loss("coulomb_friction"), is_loss("hysteresis"), is_loss("time_base_error")
     (True, False, False)
     """
     return get_effect(effect).kind == "dissipation"
@@ -54,8 +55,8 @@ def without_losses(model: Model) -> dict[str, Model]:
     {'viscous_damping': ('linear_stiffness',)}
     """
     free = set(model.free)
-    lost = [e for e in model.terms if e.kind == "dissipation" and free.intersection(p.name for p in e.parameters())]
-    found = {e.id(): model.without(e.id()) for e in lost}
+    fitted = (e.id() for e in model.terms if free.intersection(p.name for p in e.parameters()))
+    found = {e: model.without(e) for e in fitted if is_loss(e)}
     if (base := declared_base(model.base)) is None:
         return found
     read = base.equations
@@ -82,7 +83,7 @@ def same_losses(model: Model, loss: str) -> frozenset[str]:
     factor, found = sp.diff(base.equations.dissipation, sp.Symbol(loss, real=True)), set()
     places, rates, _ = coordinates_of(len(base.declaration.coordinates))
     for name, (value, _) in base.equations.places.items():
-        rate = sum((sp.diff(value, q) * qd for q, qd in zip(places, rates, strict=True)), sp.Integer(0))
+        rate = total_derivative(value, places, rates)
         if rate != 0 and not sp.simplify(factor / rate**2).free_symbols.intersection((*places, *rates)):
             found.add(placed("viscous_damping", name))
     return frozenset(found)

@@ -78,11 +78,11 @@ def start_values(
                 continue
             unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
             starts, width = tuple(s * unit for s in parameter.starts), parameter.prior.width * unit
-            own_unit, believed = parameter.value_unit, parameter.name in begins
+            believed = parameter.name in begins
             still = believed and e.recording.at_rest
             width *= _REST if still else 1.0
-            value = StartValue(name, i, row, 0.1 * width, width, starts=starts, own_unit=own_unit)
-            found.append(replace(value, believed=believed, still=still))
+            value = StartValue(name, i, row, 0.1 * width, width, believed=believed, still=still)
+            found.append(replace(value, starts=starts, own_unit=parameter.value_unit))
     return tuple(found)
 
 

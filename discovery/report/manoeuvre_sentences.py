@@ -43,23 +43,19 @@ def separation_sentence(found: Record) -> str:
         if len(names) > 1
     ]
     if len(laws_of(found)) > 1:
-        better = found["decides"] and found["designed"]["projected"] > found["given"]["projected"]
-        said.append(_promise(found) if better else _no_better(found) if found["decides"] else _undecided(found))
+        said.append(_promise(found) if found["decides"] else _undecided(found))
     return " ".join(said)
 
 
-def _no_better(found: Record) -> str:
-    """Return that the recordings would tell laws apart as well as any manoeuvre, were there no model error."""
-    given, designed = (figures(found[w]["projected"], 2) for w in ("given", "designed"))
-    return (
-        f"Of {found['evaluations']} manoeuvres tried none tells {', '.join(laws_apart(found))} apart better than the "
-        f"given recordings ({designed} noise sds rms, {given} on these): the model error that is left hides it."
-    )
-
-
 def _promise(found: Record) -> str:
-    """Return what to do to tell laws apart, and what it promises."""
+    """Return what to do to tell laws apart, and what it promises, or that it promises no more than the recordings."""
     given, designed = found["given"]["projected"], found["designed"]
+    if designed["projected"] <= given:
+        return (
+            f"Of {found['evaluations']} manoeuvres tried none tells {', '.join(laws_apart(found))} apart better than "
+            f"the given recordings ({figures(designed['projected'], 2)} noise sds rms, {figures(given, 2)} on these): "
+            "the model error that is left hides it."
+        )
     hidden = ", where the model error that is left hides it" if given > _SEEN else ""
     now = f"{figures(given, 2)} on the given recordings{hidden}" if given > _ALIKE else "alike on the given recordings"
     return (

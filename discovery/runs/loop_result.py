@@ -202,7 +202,7 @@ class LoopResult(LoopViews):
             "declared": list(self.declared),
             "recordings": [flagged(r) for r in self.recordings],
             "effects": [self._described(effect) for effect in self.added],
-            **({"given_up": self.given_up} if self.given_up else {}),
+            **({"given_up": lost} if (lost := self.given_up) else {}),
             "errors": dict(self.errors),
             "model_error": self.model_error.summary(),
             "complete": self.complete,

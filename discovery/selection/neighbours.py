@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.equations.losses import takes_energy, without_losses
+from discovery.equations.losses import is_loss, without_losses
 from discovery.screening.likeness import reduced
 from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
@@ -77,7 +77,7 @@ class Neighbours:
         Tried is a loss that beside the declared one is about as likely as the set found.
         """
         settings, offered = self.context.settings, self.offers.beside(self.root) if self.affords(self.root) else []
-        lossy = (c for c in plain(offered) if takes_energy(c.added[-1]) and {*c.added} != {*found.added})
+        lossy = (c for c in plain(offered) if is_loss(c.added[-1]) and {*c.added} != {*found.added})
         near = [c for c in lossy if c.joint > found.joint - _NEAR * settings.nats]
         made: dict[str, tuple[Contender, Contender]] = {}
         for loss, model in without_losses(self.root.model).items() if near else ():
