@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from discovery.estimation.importance import importance_sample
+from discovery.estimation.importance import importance_sample, pooled, weighed
 from discovery.estimation.proposal import Bend, Proposal
 from discovery.posterior.checkpoint import Remembered
 from discovery.posterior.ensembles import TEMPERED, grow, start_ensembles
@@ -84,6 +84,55 @@ def test_the_bend_makes_evidence_of_a_banana_reliable() -> None:
     assert bent.reliable
     assert bent.log_integral == pytest.approx(exact, abs=4 * bent.error)
     assert bent.effective > 2 * straight.effective
+
+
+def stopped(z: FloatArray) -> FloatArray:
+    """The second is where a body slides to rest: a signed square of the first, told a thousand times as well."""
+    return -0.5 * (z[:, 0] ** 2 + ((z[:, 1] + 4e-3 * z[:, 0] * np.abs(z[:, 0])) / 4e-4) ** 2 + (z[:, 2:] ** 2).sum(1))
+
+
+def test_the_way_to_a_stop_is_a_bend() -> None:
+    found = chains(lambda z: stopped(z * [1, 5e-3, 1, 1]), 4, 1)
+    assert found is not None
+    x, way = found.points[..., 0], found.points[..., 1] * 5e-3
+    rest = (way + 4e-3 * x * np.abs(x)) / 4e-4
+    error = 4.5 / np.sqrt(found.found.ess.min())
+    for values in (x, rest):
+        assert values.mean() == pytest.approx(0, abs=error)
+        assert values.var() == pytest.approx(1, abs=2 * error)
+
+
+@pytest.mark.parametrize("wide", [30.0, 300.0])
+def test_a_width_that_the_density_refutes_is_narrowed(wide: float) -> None:
+    factor = np.array([[wide, 0, 0, 0], [0.1 * wide, 5e-3, 0, 0], [0, 0, 1, 0], [0.3 * wide, 0, 0, 1]])
+    found = chains(lambda z: stopped(z @ factor.T), 4, 1)
+    assert found is not None
+    assert (found.points @ factor.T).reshape(-1, 4).std(axis=0)[[0, 2]] == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e4])
+def test_flattened_weights_count_as_asked(scale: float) -> None:
+    drawn = weighed(lambda z: -0.5 * scale * (z**2).sum(axis=1), Proposal.standard(5), np.random.default_rng(1), 1000)
+    weights = drawn.flattened(100.0)
+    assert weights.sum() == pytest.approx(1)
+    if scale > 1:
+        assert 1 / np.sum(weights**2) == pytest.approx(100, rel=1e-6)
+        assert np.array_equal(np.argsort(weights)[-20:], np.argsort(drawn.log_weights)[-20:])
+    else:
+        assert weights is drawn.weights
+
+
+def test_rounds_together_have_the_integral_of_each() -> None:
+    def density(z: FloatArray) -> FloatArray:
+        return -2.0 * (z**2).sum(axis=1)
+
+    rng, first = np.random.default_rng(1), Proposal.standard(3)
+    rounds = [(first, weighed(density, first, rng, 400))]
+    second = first.adapted(rounds[0][1].points, rounds[0][1].weights)
+    rounds.append((second, weighed(density, second, rng, 400)))
+    every = pooled(rounds)
+    assert every.log_integral == pytest.approx(1.5 * np.log(np.pi / 2), abs=4 * every.error)
+    assert every.effective > max(drawn.effective for _, drawn in rounds)
 
 
 def test_a_bend_is_undone_and_keeps_volumes() -> None:

@@ -8,13 +8,15 @@ the answer can be trusted (A. Vehtari et al., Journal of Machine Learning Resear
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
+from scipy.optimize import brentq
+from scipy.special import logsumexp
 
-from discovery.estimation.proposal import Proposal
+from discovery.estimation.proposal import Proposal, enough
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 
@@ -29,6 +31,8 @@ _WELL, _GAIN = 0.8, 0.9
 _QUANTILES = (0.05, 0.5, 0.95)
 # Draws that count below which more of them are in vain.
 _ALONE = 2.0
+# Logarithm of the smallest power of a density that flattens it.
+_FLATTEST = -40.0
 # Draws below which no Pareto distribution can be fitted to the largest weights.
 _TAIL = 25
 
@@ -39,6 +43,7 @@ class Weighted:
 
     points: FloatArray  # (n, d), where it was evaluated
     weights: FloatArray  # (n,), Pareto-smoothed, of sum one
+    log_weights: FloatArray  # (n,), as they were; minus infinity where the density is zero
     log_integral: float  # logarithm of the integral of the density
     error: float  # standard error of `log_integral`
     pareto_k: float  # shape of the largest weights; above `LARGEST_K` nothing here can be trusted
@@ -49,13 +54,36 @@ class Weighted:
         return float(1.0 / np.sum(self.weights**2))
 
     @property
+    def share(self) -> float:
+        """Part of the draws that counts."""
+        return self.effective / len(self.points)
+
+    def flattened(self, count: float) -> FloatArray:
+        """Return weights (n,) of sum one by which so many draws count, at most half of them.
+
+        Where fewer do, they are flattened to a power below one: the likeliest draw of a proposal that is far too wide
+        alone tells nothing of a shape (E. Koblents and J. Miguez, Statistics and Computing 25 (2015) 407).
+        """
+        count = min(count, 0.5 * np.isfinite(self.log_weights).sum())
+        below = self.log_weights - self.log_weights.max()
+
+        def excess(log_power: float) -> float:
+            weights = np.exp(math.exp(log_power) * below)
+            return float(weights.sum() ** 2 / np.sum(weights**2) - count)
+
+        if self.effective >= count or excess(0.0) >= 0:
+            return self.weights
+        weights = np.exp(math.exp(brentq(excess, _FLATTEST, 0.0)) * below)
+        return np.asarray(weights / weights.sum())
+
+    @property
     def reliable(self) -> bool:
         """Whether the numbers can be trusted: the mean of the weights converges, and enough draws count.
 
         The second is asked for because k is estimated from the tail that was seen: it misses a region, such as the neck
         of a funnel, that hardly a draw reaches.
         """
-        return self.pareto_k <= LARGEST_K and self.effective >= LEAST_EFFECTIVE * len(self.weights)
+        return self.pareto_k <= LARGEST_K and self.share >= LEAST_EFFECTIVE
 
     def quantiles(self, values: FloatArray) -> list[float]:
         """Return 5, 50 and 95 % quantiles of a quantity (n,) of the draws."""
@@ -92,7 +120,7 @@ def importance_sample(
         if first.effective > _WELL * pilot or (first.reliable and not first.error < _GAIN * last):
             break
         last = first.error
-        proposal = proposal.adapted(first.points, first.weights)
+        proposal = proposal.adapted(first.points, first.flattened(enough(dimension)))
     if first.effective < _ALONE:
         return first
     drawn = weighed(log_density, proposal, rng, draws)
@@ -100,7 +128,7 @@ def importance_sample(
         if drawn.reliable:
             break
         # A tail that the fewer draws had not shown.
-        proposal = proposal.adapted(drawn.points, drawn.weights)
+        proposal = proposal.adapted(drawn.points, drawn.flattened(enough(dimension)))
         drawn = weighed(log_density, proposal, rng, draws)
     return drawn
 
@@ -111,8 +139,26 @@ def weighed(log_density: LogDensity, proposal: Proposal, rng: Generator, count: 
     Raises ComputationError if hardly a draw has a finite density.
     """
     points, log_proposal = proposal.draw(rng, count)
-    raw = log_density(points) - log_proposal
+    return _weighted(points, log_density(points) - log_proposal)
+
+
+def pooled(rounds: Sequence[tuple[Proposal, Weighted]]) -> Weighted:
+    """Return the draws of all rounds, weighed by the mixture of their proposals.
+
+    What one round has seen is not lost on the next (J.-M. Cornuet et al., Scandinavian Journal of Statistics 39 (2012)
+    798).
+    """
+    points = np.concatenate([drawn.points for _, drawn in rounds])
+    log_density = np.concatenate([drawn.log_weights + own.log_density(drawn.points) for own, drawn in rounds])
+    each = [own.log_density(points) + math.log(len(drawn.points) / len(points)) for own, drawn in rounds]
+    return _weighted(points, log_density - logsumexp(each, axis=0))
+
+
+def _weighted(points: FloatArray, raw: FloatArray) -> Weighted:
+    """Return draws (n, d) with log weights (n,)."""
+    count = len(points)
     inside = np.isfinite(raw)
+    raw[~inside] = -np.inf
     if inside.sum() < max(2 * points.shape[1], _TAIL):
         raise ComputationError(f"Of {count} draws around the fit only {int(inside.sum())} have a finite density.")
     smooth, k = smoothed(raw[inside])
@@ -123,7 +169,7 @@ def weighed(log_density: LogDensity, proposal: Proposal, rng: Generator, count: 
     weights[inside] = np.exp(smooth)
     weights /= weights.sum()
     error = math.sqrt(max(float(np.sum(weights**2)) - 1.0 / count, 0.0))
-    return Weighted(points, weights, log_sum - math.log(count), error, k)
+    return Weighted(points, weights, raw, log_sum - math.log(count), error, k)
 
 
 def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
@@ -133,4 +179,7 @@ def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
     with np.errstate(all="ignore"):
         # It wants what it calls log likelihoods, whose negative is the log weight.
         smooth, k = array_stats.psislw(-log_weights)
+    if not np.isfinite(smooth).all():
+        # The largest are so far above the others that there is no tail.
+        return np.asarray(log_weights - logsumexp(log_weights)), math.inf
     return np.asarray(smooth), float(k) if math.isfinite(k) else math.inf

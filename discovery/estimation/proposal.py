@@ -13,8 +13,8 @@ from discovery.foundation.arrays import FloatArray
 _DOF = 8.0
 # Part of the draws that the defence makes, and how much wider it is.
 _DEFENCE, _WIDER = 0.1, 2.5
-#: Draws a dimension that must count before anything is bent.
-_ENOUGH = 10
+#: Draws a dimension that must count before they alone tell it, and before anything is bent.
+_ENOUGH = 12
 #: Polynomials go on as they are there, in standard deviations.
 _REACH = 4.0
 #: A polynomial is taken where the logarithm by which it lowers the variance, times the draws that count, exceeds so
@@ -22,6 +22,8 @@ _REACH = 4.0
 _EARNED = 3.0
 #: What pulls its terms to zero, as so many draws would.
 _RIDGE = 10.0
+# It is held by what is left, and so told anew.
+_PASSES = 3
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ class Proposal:
 
     def adapted(self, points: FloatArray, weights: FloatArray) -> Proposal:
         """Return the proposal of the moments of weighted draws, which keeps to this one where few of them count."""
-        d, effective = self.centre.size, 1.0 / float(np.sum(weights**2))
-        if self.frame is not None and effective >= _ENOUGH * d:
+        trust = min(1.0, 1.0 / float(np.sum(weights**2)) / enough(self.centre.size))
+        if self.frame is not None and trust == 1.0:
             inside = weights > 0
             points, weights = points[inside], weights[inside]
             framed = points @ self.frame.T
@@ -81,9 +83,13 @@ class Proposal:
                 return Proposal(mean, np.asarray(np.linalg.cholesky(covariance), np.float64), self.frame, bend)
         mean, covariance = _moments(points, weights)
         if self.bend is None:
-            trust = effective / (effective + 2 * d)
             covariance = trust * covariance + (1 - trust) * self.factor @ self.factor.T
         return Proposal(mean, np.asarray(np.linalg.cholesky(covariance), np.float64), self.frame)
+
+
+def enough(dimension: int) -> float:
+    """Return how many draws must count before a proposal is told by them alone, and may bend."""
+    return float(_ENOUGH * dimension)
 
 
 def _moments(points: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -95,9 +101,10 @@ def _moments(points: FloatArray, weights: FloatArray) -> tuple[FloatArray, Float
 
 @dataclass(frozen=True)
 class Bend:
-    """A map that bends straight distributions into bananas: the mean of some coordinates is a cubic of others.
+    """A map that bends straight distributions into bananas: the mean of some coordinates is a curve of others.
 
-    Under dry friction, initial displacement and initial rate lie on a curve. A triangular map (Y. Marzouk et al.,
+    Under dry friction, initial displacement and initial rate lie on a curve: the way to a stop is the signed square of
+    the rate. A triangular map (Y. Marzouk et al.,
     Handbook of Uncertainty Quantification (2016), ch. 23) follows such a valley: a polynomial of the other coordinates
     shifts each bent one. Volumes stay, and with them densities.
     """
@@ -113,7 +120,7 @@ class Bend:
     def of(cls, points: FloatArray, weights: FloatArray) -> Bend:
         """Return the map whose bent coordinates are those of weighted draws (n, d).
 
-        The coordinate whose mean a cubic of all others tells best comes last, then the one of those left, and so on.
+        The coordinate whose mean a curve of all others tells best comes last, then the one of those left, and so on.
         """
         centre = weights @ points
         scale = np.sqrt(weights @ (points - centre) ** 2)
@@ -146,10 +153,10 @@ class Bend:
 
 
 def _terms(y: FloatArray, count: int) -> FloatArray:
-    """Return the first so many of: one, the coordinates (n, m), their squares and cubes, their products in pairs."""
+    """Return the first so many of: one, coordinates (n, m), their squares, signed squares, cubes, products in pairs."""
     n, m = y.shape
     y = np.clip(y, -_REACH, _REACH)
-    plain = np.hstack([np.ones((n, 1)), y, y**2, y**3])
+    plain = np.hstack([np.ones((n, 1)), y, y**2, y * np.abs(y), y**3])
     if count == plain.shape[1]:
         return plain
     first, second = np.triu_indices(m, 1)
@@ -159,20 +166,22 @@ def _terms(y: FloatArray, count: int) -> FloatArray:
 def _regressed(
     target: FloatArray, given: FloatArray, weights: FloatArray, effective: float
 ) -> tuple[float, FloatArray]:
-    """Return what a cubic gains over a line beyond what it must, and its coefficients; below zero where not enough."""
+    """Return what a curve gains over a line beyond what it must, and its coefficients; below zero where not enough."""
     m = given.shape[1]
     most = int(effective / _EARNED)
-    count = next((c for c in (1 + 3 * m + m * (m - 1) // 2, 1 + 3 * m) if c <= most), 0)
+    count = next((c for c in (1 + 4 * m + m * (m - 1) // 2, 1 + 4 * m) if c <= most), 0)
     if count <= m + 1:
         return -1.0, np.zeros(0)
     terms = _terms(given, count)
-    normal = terms.T @ (weights[:, None] * terms)
-    # The ridge holds what is not linear.
-    pulled = normal + np.diag(np.r_[np.full(m + 1, 1e-9), np.full(count - m - 1, _RIDGE / effective)])
-    right = terms.T @ (weights * target)
-    coefficients = np.linalg.solve(pulled, right)
-    line = terms[:, : m + 1] @ np.linalg.solve(pulled[: m + 1, : m + 1], right[: m + 1])
-    straight, curved = (_variance(target - fit, weights) for fit in (line, terms @ coefficients))
+    normal, right = terms.T @ (weights[:, None] * terms), terms.T @ (weights * target)
+    line = terms[:, : m + 1] @ np.linalg.solve(normal[: m + 1, : m + 1] + 1e-9 * np.eye(m + 1), right[: m + 1])
+    straight = curved = _variance(target - line, weights)
+    for _ in range(_PASSES):
+        # The ridge holds what is not linear, as firmly as what is left asks for.
+        ridge = _RIDGE / effective * curved
+        pulled = normal + np.diag(np.r_[np.full(m + 1, 1e-9), np.full(count - m - 1, ridge)])
+        coefficients = np.linalg.solve(pulled, right)
+        curved = _variance(target - terms @ coefficients, weights)
     return effective * float(np.log(straight / curved)) - _EARNED * count, coefficients
 
 

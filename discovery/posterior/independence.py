@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator, SeedSequence
 
-from discovery.estimation.importance import LEAST_EFFECTIVE, Weighted, smoothed, weighed
-from discovery.estimation.proposal import Proposal
+from discovery.estimation.importance import LEAST_EFFECTIVE, Weighted, pooled, smoothed, weighed
+from discovery.estimation.proposal import Proposal, enough
 from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.foundation.errors import ComputationError
 from discovery.posterior.diagnostics import Convergence, convergence
@@ -28,13 +28,15 @@ LogDensity = Callable[[FloatArray], FloatArray]
 #: Pareto k from which the variance of the weights is infinite.
 LARGEST_K = 0.5
 # Draws of the rounds that adapt, and the share of them that makes further ones needless, or their gain.
-_ROUNDS = (1024, 1024, 2048, 2048, 4096, 4096)
+_ROUNDS = (1024, 1024, 2048, 2048, 4096, 4096, 8192, 8192)
 _WELL, _GAIN = 0.6, 1.1
 # Effective samples of the chains over those of the weights, as it is with a good proposal; parts in which chains grow,
 # and how many more draws than foreseen are made before it is given up.
 _OF_WEIGHTS, _PARTS, _PATIENCE = 0.5, 4, 3
 # A point that walkers saw and that is so many times rarer among the draws than any of them refutes the proposal.
 _MISSED = 10.0
+# What this part of the draws lies below is no place of theirs: where walkers saw less, a proposal may be thin.
+_RARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -75,9 +77,9 @@ def independence_chains(
         proposal, drawn = _adapted(log_density, frame, adapting)
     except ComputationError:
         return None
-    if not _trusted(drawn.pareto_k, drawn.effective / len(drawn.points)):
+    if not _trusted(drawn):
         return None
-    per_draw = _OF_WEIGHTS * drawn.effective / len(drawn.points)
+    per_draw = _OF_WEIGHTS * drawn.share
     part = math.ceil(wanted[0] / per_draw / len(streams) / _PARTS)
     starts = adapting.choice(drawn.points, len(streams), p=drawn.weights)
     made = [(starts[:, None], log_density(starts)[:, None] - proposal.log_density(starts)[:, None])]
@@ -93,29 +95,30 @@ def independence_chains(
         tell(found, pace * rounds * (found.times_longer(*wanted) - 1.0))
         if found.meets(*wanted):
             k = smoothed(fresh[np.isfinite(fresh)])[1]
-            if k > LARGEST_K or _misses(seen, proposal, float(fresh.max())):
-                return None
             density = np.take_along_axis(log_weights, kept, axis=1)
             density += proposal.log_density(chosen.reshape(-1, chosen.shape[2])).reshape(density.shape)
+            near = seen[1] >= np.quantile(density, _RARE)
+            if k > LARGEST_K or _misses((seen[0][near], seen[1][near]), proposal, float(fresh.max())):
+                return None
             return Chains(chosen, density, accepted, k, found)
     return None
 
 
 def _adapted(log_density: LogDensity, frame: FloatArray, rng: Generator) -> tuple[Proposal, Weighted]:
-    """Return the proposal that another round would hardly better, and its draws."""
-    proposal, last = Proposal.standard(len(frame), frame), 0.0
-    for i, count in enumerate(_ROUNDS):
-        drawn = weighed(log_density, proposal, rng, count)
-        share = drawn.effective / count
-        settled = _trusted(drawn.pareto_k, share) and (share > _WELL or share < _GAIN * last)
-        if settled or i == len(_ROUNDS) - 1:
+    """Return the proposal that another round would hardly better, and its draws; else the last that can be trusted."""
+    proposal, last, made = Proposal.standard(len(frame), frame), 0.0, []
+    for count in _ROUNDS:
+        made.append((proposal, weighed(log_density, proposal, rng, count)))
+        share = made[-1][1].share
+        if _trusted(made[-1][1]) and (share > _WELL or share < _GAIN * last):
             break
-        proposal, last = proposal.adapted(drawn.points, drawn.weights), share
-    return proposal, drawn
+        every, last = pooled(made), share
+        proposal = proposal.adapted(every.points, every.flattened(enough(len(frame))))
+    return next((one for one in reversed(made) if _trusted(one[1])), made[-1])
 
 
-def _trusted(pareto_k: float, share: float) -> bool:
-    return pareto_k <= LARGEST_K and share >= LEAST_EFFECTIVE
+def _trusted(drawn: Weighted) -> bool:
+    return drawn.pareto_k <= LARGEST_K and drawn.share >= LEAST_EFFECTIVE
 
 
 def _drawn(
@@ -145,4 +148,5 @@ def _by_the_rule(log_weights: FloatArray, seeds: Sequence[SeedSequence]) -> tupl
 def _misses(seen: tuple[FloatArray, FloatArray], proposal: Proposal, largest: float) -> bool:
     """Return whether walkers saw a place that is far too rare among the draws."""
     points, log_density = seen
-    return float(np.max(log_density - proposal.log_density(points))) > largest + math.log(_MISSED)
+    log_weights = log_density - proposal.log_density(points)
+    return bool(np.any(log_weights > largest + math.log(_MISSED)))
