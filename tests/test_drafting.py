@@ -101,6 +101,10 @@ def drafted(path: Path, **more: object) -> dict:
         ("shaft [rev/min]", "speed", "rpm"),
         ("load_Nm", "cause", "N m"),
         ("channel 3", "", None),
+        ("Pos A", "motion", None),
+        ("Time A", "time", None),
+        ("current_A", "cause", "A"),
+        ("Pos B [au]", "motion", "1"),
         ("Dist Error (cm)", "other", "cm"),
         ("x uncertainty (mm)", "other", "mm"),
     ],
@@ -176,6 +180,12 @@ def test_a_velocity_of_what_turns_is_in_radians(tmp_path: Path, name: str, unit:
 def test_of_several_causes_the_one_that_states_its_unit_is_the_input(tmp_path: Path, others: str, given: str) -> None:
     path = written(tmp_path, "a.csv", f"t_s,{others},angle_rad", TIME, HELD, 2.0 * HELD, driven(30.0))
     assert drafted(path)["columns"]["input"]["name"] == given
+
+
+def test_of_several_motions_the_first_that_moves_is_the_output(tmp_path: Path) -> None:
+    still = np.round(492 + RNG.normal(0.0, 0.4, TIME.size))
+    document = drafted(written(tmp_path, "a.csv", "t_s,pos_a,pos_b,pos_c", TIME, still, 30.0 * SWING, 20.0 * SWING))
+    assert document["columns"]["output"]["name"] == "pos_b"
 
 
 def test_an_angle_that_turns_on_and_on_is_that_of_a_drive(tmp_path: Path) -> None:
@@ -302,6 +312,7 @@ MOTIONS = {
     "at rest in the end": (TIME, np.exp(-TIME) * np.cos(5.0 * TIME)),
     "back to rest without a swing": (TIME, np.exp(-TIME)),
     "stuck beside the centre": (TIME, stuck()),
+    "few swings, strongly damped": (TIME, np.exp(-1.5 * TIME) * np.cos(4.0 * TIME)),
     "a single swing": (TIME, np.cos(2.0 * np.pi * TIME / TIME[-1])),
     "times that begin again": (TIME % 7.5, np.exp(-0.1 * (TIME % 7.5)) * np.cos(3.0 * (TIME % 7.5))),
 }

@@ -234,6 +234,8 @@ def test_what_is_no_text_is_refused(tmp_path, content):
         ("# t, x, v", ",", ["t", "x", "v"]),
         ("# of Monday\n%t;x;v", ";", ["t", "x", "v"]),
         ("# t  x  v", " ", ["t", "x", "v"]),
+        ("# of Monday\n# t, x, v\n# [s], [m], [m/s]", ",", ["t [s]", "x [m]", "v [m/s]"]),
+        ("# [s], (m), [m/s]", ",", ["[s]", "(m)", "[m/s]"]),
         ("# t, x\n# made by a logger, of the old kind", ",", None),
         ("# t, x", ",", None),
         ("# t, x, v\n# 3, 2, 1", ",", ["t", "x", "v"]),

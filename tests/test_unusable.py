@@ -126,6 +126,15 @@ def test_a_step_from_rest_elsewhere_asks_for_the_zero(tmp_path, rig, start, zero
     assert (told and float(told[1])) == (zero and pytest.approx(zero, abs=0.01))
 
 
+def test_a_step_that_begins_too_fast_to_see_is_one_where_the_rig_file_says_so(tmp_path: Path) -> None:
+    """Of marks that pass, the first few already do so at speed."""
+    with pytest.raises(InputError, match="drives nothing"):
+        under(tmp_path, DRIVE, [200.0], (0.0, 150.0), 0.0)
+    rig = (tmp_path / "rig.toml").read_text() + '[records]\ntrain = [{ file = "0.csv", at_rest = true }]\n'
+    (tmp_path / "rig.toml").write_text(rig)
+    assert load_dataset(tmp_path / "rig.toml").train[0].recording.at_rest
+
+
 @pytest.mark.parametrize(
     ("count", "gap", "said"),
     [

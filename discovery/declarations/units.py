@@ -55,6 +55,7 @@ _SPELLED = {
     "msec": "ms",
     "usec": "us",
     "px": "pixel",
+    **dict.fromkeys(("au", "a.u.", "arb. u.", "arb. units"), "1"),  # arbitrary: a number
     "Nm": "N m",
     "mNm": "mN m",
     "kNm": "kN m",
@@ -66,7 +67,7 @@ _SPELLED = {
     **dict.fromkeys(("kmh", "kph", "kmph", "Kmh", "KMH", "KPH"), "km/h"),
     **dict.fromkeys(("mph", "MPH"), "mile/h"),
 }
-_SPELLING = re.compile(r"(?<!\w)(?:" + "|".join(sorted(_SPELLED, key=len, reverse=True)) + r")(?!\w)")
+_SPELLING = re.compile(r"(?<!\w)(?:" + "|".join(map(re.escape, sorted(_SPELLED, key=len, reverse=True))) + r")(?!\w)")
 _TOKEN = re.compile(
     r"\s*(?:(?P<slash>/)|(?P<symbol>[A-Za-z]+|1)(?:\^(?:(?P<power>-?\d+)|\((?P<fraction>-?\d+(?:/\d+)?)\)))?(?=[\s/]|\Z))"
 )

@@ -47,6 +47,8 @@ _WHOLE, _CORRECTIONS = 3, 20
 _GAP = 0.4
 #: Share of the readings that are the end, and of the range within which they lie if it came to rest.
 _END, _STILL = 0.25, 0.1
+#: Of the motion, the standard deviation of a centre that its swings tell badly.
+_BADLY = 0.02
 #: Standard deviation of a median of independent values over that of their mean, and quantiles one of theirs away.
 _MEDIAN, _ONE = 1.25, (0.16, 0.84)
 #: Share of the range that is one standard deviation of its middle, where nothing else tells the centre.
@@ -245,15 +247,16 @@ def centre_of(time: FloatArray, output: FloatArray, noise: float = 0.0) -> Centr
         swings, before, level = found, level, float(np.median(found))
         if abs(level - before) < 1e-3 * band:
             break
+    told = Centre(starts[1], _ROUGH * float(high - low))
     if swings.size:
         below, above = np.quantile(swings, _ONE)
         # Each half swing is in two of them.
-        return Centre(level, _MEDIAN * max(float(above - below) / 2.0, noise) / np.sqrt(max(1.0, swings.size / 2.0)))
+        told = Centre(level, _MEDIAN * max(float(above - below) / 2.0, noise) / np.sqrt(max(1.0, swings.size / 2.0)))
     end = y[-max(1, round(_END * y.size)) :]
-    if np.ptp(end) < max(_STILL * (high - low), 2.0 * band):
-        # A body at rest may stick anywhere among these.
+    # Where few swings tell it badly, the end does; a body at rest may stick anywhere among its readings.
+    if told.sd > _BADLY * (high - low) and np.ptp(end) < max(_STILL * (high - low), 2.0 * band):
         return Centre(float(np.median(end)), max(float(np.ptp(end)) / 6.0, noise))
-    return Centre(starts[1], _ROUGH * float(high - low))
+    return told
 
 
 def _passages(y: FloatArray, level: float, band: float) -> NDArray[np.intp]:

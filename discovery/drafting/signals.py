@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from discovery.declarations.units import si_factor, si_symbol
+from discovery.drafting.columns import numbers_of
 from discovery.drafting.names import Meaning, meaning_of, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
+from discovery.recordings.reading_noise import white_noise
+from discovery.recordings.rounding import quantum
 from discovery.recordings.running_on import runs_on
 from discovery.recordings.turns import joined_turns
 
@@ -26,11 +27,10 @@ _JITTER = 0.05
 _NEEDED, _FEWEST = {"time", "output"}, 3
 #: Outputs that say nothing of a drive where they go one way: what falls is driven by its weight.
 _NO_PLACES = {"height", "speed", "acceleration"}
-#: Share of the cells, of at least so many, that are numbers in a column of numbers.
-_MOSTLY, _LOOKED = 0.8, 500
-#: Words for an angle.
+#: Of its noise, the least that a motion is.
+_MOVING = 5.0
+#: Words for an angle, and for what turns, beside a velocity.
 _ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
-#: Words for what turns, beside a velocity.
 _TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
 #: Where an angle in degrees has no unit: more than two turns in radians.
 _TURNS = 4.0 * np.pi
@@ -112,7 +112,7 @@ def _differing(paths: Sequence[Path], names: Sequence[str]) -> tuple[str, ...]:
     """Return which columns that never change in the first file hold another number in another one."""
     if len(paths) < 2 or not names:
         return ()
-    files = [_numbers(open_table(path)[0], set()) for path in paths]
+    files = [numbers_of(open_table(path)[0], set()) for path in paths]
     in_all = [name for name in names if all(name in file for file in files)]
     return tuple(name for name in in_all if len({v for file in files for v in _ends(file[name])}) > 1)
 
@@ -132,7 +132,7 @@ def _in_file(path: Path, rate: float | None, wanted: Mapping[str, str]) -> Signa
     """Tell the signals of one file apart, of which some columns are named by their roles."""
     table, header = open_table(path)
     told = wanted.keys() | (set() if rate is None else {"time"})
-    columns = _numbers(table, set(wanted.values()) if told >= _NEEDED else None)
+    columns = numbers_of(table, set(wanted.values()) if told >= _NEEDED else None)
     if table.lines.size and table.lines.size < _FEWEST:
         raise InputError(f"{path} has too few rows of readings ({table.lines.size}). Export the recording again.")
     for name in wanted.values():
@@ -144,7 +144,7 @@ def _in_file(path: Path, rate: float | None, wanted: Mapping[str, str]) -> Signa
     varying = {n for n, values in columns.items() if meanings[n].role != "time" and _changes(values)}
     rest = [n for n in columns if n != time and n in varying | set(wanted.values())]
     given = wanted.get("input") or _input(rest, meanings, wanted.get("output"))
-    output = wanted.get("output") or _output(path, [n for n in rest if n != given], meanings)
+    output = wanted.get("output") or _output(path, {n: columns[n] for n in rest if n != given}, meanings)
     if output is None and len(rest) == 1 and given is not None and "input" not in wanted:
         output, given = given, None  # the only signal is what was measured
     if output is None:
@@ -179,40 +179,11 @@ def _joined(signal: Signal, time: FloatArray, *, moved: bool = True) -> Signal:
 
 
 def _changes(values: FloatArray) -> bool:
-    least, largest = _ends(values)
-    return largest > least
+    return bool(np.nanmax(values) > np.nanmin(values))
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:
     return float(np.nanmin(values)), float(np.nanmax(values))
-
-
-def _numbers(table: Table, used: set[str] | None) -> dict[str, FloatArray]:
-    """Return the columns that hold numbers; refuse one of numbers with a cell that is none, unless others are used."""
-    found = {}
-    for name in table.columns:
-        try:
-            values = table.numbers(name)
-        except InputError:
-            if (used is None or name in used) and _mostly_numbers(table.columns[name]):
-                raise
-            continue
-        if np.isfinite(values).any():
-            found[name] = values
-    return found
-
-
-def _mostly_numbers(column: NDArray[Any]) -> bool:
-    """Whether a column that does not hold numbers only holds them nearly everywhere, with either decimal mark."""
-    cells = column[:: max(1, column.size // _LOOKED)]
-
-    def is_number(cell: Any) -> bool:
-        try:
-            return bool(np.isfinite(float(str(cell).replace(",", "."))))
-        except (TypeError, ValueError):
-            return False
-
-    return sum(map(is_number, cells)) > _MOSTLY * cells.size
 
 
 def _list(columns: Mapping[str, FloatArray]) -> str:
@@ -243,8 +214,7 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
 def _first(
     names: Sequence[str], meanings: Mapping[str, Meaning], roles: Sequence[str], taken: str | None
 ) -> str | None:
-    found = (name for role in roles for name in names if meanings[name].role == role and name != taken)
-    return next(found, None)
+    return next((name for role in roles for name in names if meanings[name].role == role and name != taken), None)
 
 
 def _input(names: Sequence[str], meanings: Mapping[str, Meaning], taken: str | None) -> str | None:
@@ -253,11 +223,19 @@ def _input(names: Sequence[str], meanings: Mapping[str, Meaning], taken: str | N
     return _first(stated, meanings, ("cause",), taken) or _first(names, meanings, ("cause", "moved"), taken)
 
 
-def _output(path: Path, names: Sequence[str], meanings: Mapping[str, Meaning]) -> str | None:
-    """Return the column of the motion: by its name, else the only speed, acceleration, or name that says nothing."""
-    known = _first(names, meanings, ("height", "motion", "moved"), None)
-    if known is not None:
-        return known
+def _noise(values: FloatArray) -> float:
+    return max(white_noise(values) or 0.0, quantum(values) / np.sqrt(12.0))
+
+
+def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> str | None:
+    """Return the column of the motion: by its name, else the only speed, acceleration, or name that says nothing.
+
+    Of several motions it is the first that is more than noise.
+    """
+    moving = [n for n, values in names.items() if np.nanstd(values) > _MOVING * _noise(values)]
+    for of in (moving, list(names)):
+        if (known := _first(of, meanings, ("height", "motion", "moved"), None)) is not None:
+            return known
     for role in ("speed", "acceleration", ""):
         found = [name for name in names if meanings[name].role == role]
         if len(found) > 1:

@@ -16,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.foundation.arrays import FloatArray, IntArray
+from discovery.foundation.encoding import decoded
 from discovery.foundation.errors import ComputationError, InputError, suggestion
-from discovery.foundation.text_table import decoded, parse_text
+from discovery.foundation.text_table import parse_text
 
 _CSV = (".csv", ".tsv", ".txt", ".dat")
 #: Larger numbers leave the range of floating-point numbers in another unit.

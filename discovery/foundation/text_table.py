@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import csv
 import re
 import warnings
@@ -17,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.foundation.arrays import IntArray
+from discovery.foundation.encoding import decoded
 from discovery.foundation.errors import InputError
 
 _BLANKS = r"\s+"
@@ -31,14 +31,8 @@ _AWAY, _SHOWN = "delete it or put # before it", 60
 _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 #: May be a thousand or more as well as a number with three decimals.
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-#: A mark at the begin says the encoding.
-_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
-#: What no text holds: a file with it is of another kind.
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f\ufffe\uffff]")
-#: Windows-1252 holds all signs of Latin-1, and has others where that has control characters.
-_WESTERN = "cp1252"
-#: A table holds letters and digits, each with a zero byte beside it in UTF-16: most characters at least.
-_MOST = 0.9
+#: Units as headers have them below their names.
+_UNIT = re.compile(r"[\[(].*[\])]")
 
 
 def parse_text(
@@ -142,14 +136,20 @@ def _cells(row: str, separator: str) -> list[str]:
 
 
 def _commented_names(above: Sequence[str], separator: str, first: Sequence[str]) -> list[str]:
-    """Return the names of columns in the comments right above a first row of numbers; none where they name others."""
+    """Return the names of columns in the comments right above a first row of numbers; none where they name others.
+
+    A line of units may stand below them.
+    """
     if not all(map(_is_either_number, first)):
         return []
+    units: list[str] = []
     for comment in takewhile(lambda line: line[:1] in ("#", "%"), map(str.strip, reversed(above))):
         names = _cells(comment.lstrip("#% \t"), separator)
         if len(names) == len(first) and not any(map(_is_either_number, names)):
-            return names
-    return []
+            if units or not all(map(_UNIT.fullmatch, names)):
+                return [f"{name} {unit}" for name, unit in zip(names, units, strict=True)] if units else names
+            units = names
+    return units
 
 
 def _decimal(rows: Sequence[str], separator: str) -> str:
@@ -265,36 +265,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def decoded(content: bytes) -> tuple[str, str] | None:
-    """Return the text of a file, and the encoding where that is a guess; None for a file that is no text.
-
-    A mark at its begin says its encoding. Without one it is UTF-8 where its bytes are that, UTF-16 where nearly every
-    other byte is zero, and Windows-1252 otherwise, of which Latin-1 is a part.
-
-    Examples
-    --------
-    >>> decoded("angle_°".encode("latin-1"))
-    ('angle_°', 'Windows-1252')
-    >>> decoded("angle_°".encode())
-    ('angle_°', '')
-    """
-    known = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), "")
-    wide = "" if known else _without_mark(content)
-    for encoding, guess in ((known or wide or "utf-8", "UTF-16" if wide else ""), (_WESTERN, "Windows-1252")):
-        try:
-            text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        return None if _CONTROL.search(text) else (text, guess)
-    return None
-
-
-def _without_mark(content: bytes) -> str:
-    """Return the order of bytes of UTF-16 without a mark; empty where it is none."""
-    size = len(content) // 2
-    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
-        if size and content[first::2].count(0) >= _MOST * size and content[1 - first :: 2].count(0) == 0:
-            return encoding
-    return ""

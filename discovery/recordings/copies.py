@@ -32,6 +32,8 @@ _EQUAL = 0.99
 _PAIRS = 200_000
 #: Of a step: times that are equal.
 _SAME_TIME = 0.25
+#: Of a mark: steps by which readings count one, printed in any digits.
+_COUNT = 0.02
 #: Part by which steps differ that are equal.
 _SAME_STEP = 1e-3
 
@@ -96,6 +98,8 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
     if seen.shape[1] != judged.shape[1]:
         return None
     at = _stretch(seen, judged, [np.diff(r.time) for r in (first, second)])
+    if _counted(judged):
+        return at
     at = _thinned(first, second) if at is None else at
     return _disguised(first, second) if at is None else at
 
@@ -103,7 +107,7 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
 def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], steps: Sequence[FloatArray]) -> int | None:
     """Return where a row of equal readings begins that both recordings hold because they were cut from one.
 
-    They are as far apart in time, too: what is counted at marks is equal in all recordings but for its times.
+    They are as far apart in time, too: what is counted at marks is equal in all recordings, and but its times tell.
     """
     # A run of twice that length holds a whole block of the first wherever it begins.
     blocks = [(i, seen[i : i + _ROW]) for i in range(0, len(seen) - _ROW + 1, _ROW)]
@@ -112,12 +116,26 @@ def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], ste
     begins = np.flatnonzero(np.isin(judged[: 1 - _ROW, 0], [seen[i, 0] for i in known.values()]))
     alike = ((known.get(judged[j : j + _ROW].tobytes()), int(j)) for j in begins)
     cut = ((i, j) for i, j in alike if i is not None and _is_cut(seen, judged, i, j))
-    return next((j for i, j in cut if _keeps_time(steps[0][i : i + _ROW - 1], steps[1][j : j + _ROW - 1])), None)
+    rows = ((j, steps[0][i : i + _ROW - 1], steps[1][j : j + _ROW - 1]) for i, j in cut)
+    counted = _counted(judged)
+    return next((j for j, one, other in rows if _keeps_time(one, other, counted)), None)
 
 
-def _keeps_time(one: FloatArray, other: FloatArray) -> bool:
-    """Return whether most readings of two rows are as far apart in time."""
-    return bool(np.median(np.abs(one - other)) < _SAME_TIME * np.median(one))
+def _keeps_time(one: FloatArray, other: FloatArray, counted: bool) -> bool:
+    """Return whether most readings of two rows are as far apart in time; of counted ones, to what no run repeats."""
+    step = float(np.median(one))
+    if counted:
+        told = len(np.unique(np.round(one / (_SAME_STEP * step)))) >= _DIFFERENT
+        return told and bool(np.quantile(np.abs(one - other), _MOST) < _SAME_STEP * step)
+    return bool(np.median(np.abs(one - other)) < _SAME_TIME * step)
+
+
+def _counted(values: npt.NDArray[np.float32]) -> bool:
+    """Return whether readings count marks as they pass: one step each, up or down, whatever the motion."""
+    steps = np.abs(np.diff(values[np.isfinite(values).all(axis=1)].astype(float), axis=0))
+    usual = np.median(steps, axis=0) if len(steps) else np.zeros(1)
+    same = np.abs(steps - usual) < _COUNT * usual
+    return bool((usual > 0).all() and same.all(axis=1).mean() > _MOST)
 
 
 def _is_cut(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], i: int, j: int) -> bool:

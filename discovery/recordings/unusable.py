@@ -176,7 +176,7 @@ def _drives(experiment: Experiment, level: float = 0.0) -> bool:
     rests = begins < max(_AT_REST * most, _SEEN * r.noise[0])
     steps = np.abs(y[_BEGINNING:] - y[:-_BEGINNING])
     # A decay about a constant begins elsewhere, or at speed; where rates are read, springs let it begin anywhere.
-    tells = steps[0] < _SLOW * steps.max() if base.order == 0 else base.starts == 1
+    tells = r.at_rest or (steps[0] < _SLOW * steps.max() if base.order == 0 else base.starts == 1)
     return bool(rests and tells and most > _MOVES * r.noise[0])
 
 
