@@ -405,6 +405,10 @@ def test_a_prediction_is_written_with_its_deviations(dataset: Dataset, fits: sta
     for k, axis in enumerate("xy"):
         np.testing.assert_allclose(table[f"tip_{axis}_after_m"], value[:, k], rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(table[f"tip_{axis}_after_sd_m"], sd[:, k], rtol=1e-7, atol=1e-9)
+    save_prediction(tmp_path / "erring.csv", wanted, before, after, errors=(0.0, 2e-3))
+    erring = pd.read_csv(tmp_path / "erring.csv")
+    np.testing.assert_allclose(erring["tip_x_after_sd_m"], np.hypot(sd[:, 0], 2e-3), rtol=1e-7)
+    np.testing.assert_allclose(erring["tip_x_before_sd_m"], table["tip_x_before_sd_m"])
     late = replace(wanted, rig=wanted.rig.counted_from(1000.0))
     save_prediction(tmp_path / "late.csv", late, before, after)
     np.testing.assert_allclose(pd.read_csv(tmp_path / "late.csv")["time_s"], wanted.recording.time + 1000.0)

@@ -286,7 +286,8 @@ def _predicted(
 
     tell("predicting")
     try:
-        why = save_prediction(folder / "prediction.csv", wanted, result.before, result.foresight(), initial)
+        models, errors = (result.before, result.foresight()), result.model_error.expected
+        why = save_prediction(folder / "prediction.csv", wanted, *models, initial, errors)
     except ComputationError as failure:
         return failure
     if why:

@@ -95,11 +95,16 @@ def save_curves(
         curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
 
 
-def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None) -> str:
+def save_prediction(
+    path: Path, experiment, before: Fit, after: Fit, initial: tuple[float, float] | None = None,
+    errors: tuple[float, float] = (0.0, 0.0),
+) -> str:  # fmt: skip
     """Write what the instrument would read before and after the loop, with standard deviations, to prediction.csv.
 
-    The motion begins at a deflection and a rate, at rest otherwise. Where the declared model blows up its columns are
-    empty, and what is returned says why; ComputationError if the final model does.
+    The motion begins at a deflection and a rate, at rest otherwise. The deviations are those of the parameters and of
+    what either model is expected to err by [unit of the output]; a reading has its noise beside them. Where the
+    declared model blows up its columns are empty, and what is returned says why; ComputationError if the final model
+    does.
     """
     import pandas as pd
 
@@ -112,7 +117,8 @@ def save_prediction(path: Path, experiment, before: Fit, after: Fit, initial: tu
     except ComputationError as failure:
         nothing, why = np.full_like(final[0], np.nan), str(failure)
         first = nothing, nothing
-    for label, (value, sd) in (("before", first), ("after", final)):
+    for label, (value, told), error in zip(("before", "after"), (first, final), errors, strict=True):
+        sd = np.hypot(told, error)
         if arm:
             for k, axis in enumerate("xy"):
                 columns[f"tip_{axis}_{label}_m"] = value[:, k]

@@ -46,6 +46,13 @@ class ModelErrorReport:
     held: float  # size for the final model on the held-out recordings [unit of the output]; zero without any
     depends_on: tuple[str, ...]  # states that explain a part of what the final model leaves, the strongest first
 
+    @property
+    def expected(self) -> tuple[float, float]:
+        """What the declared and the final model err by in another recording; nothing where that counts as none."""
+        sizes = self.before, max(self.after, self.held)
+        before, after = (size if size > self.least else 0.0 for size in sizes)
+        return before, after
+
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""
         return {**asdict(self), "depends_on": list(self.depends_on)}
