@@ -185,3 +185,32 @@ def test_a_declared_law_of_any_size_begins_at_each_of_its_declared_starts(tmp_pa
     assert found.chi2 < 0.1 * lost.chi2
     assert found.values["w_b"] == pytest.approx(width, rel=0.03)
     assert found.values["alpha"] == pytest.approx(60.0, rel=0.05)
+
+
+CART = """
+name = "cart in syrup"
+kind = "drive"
+[columns]
+time = { name = "t", unit = "s" }
+input = { name = "u", unit = "N", interpolation = "hold" }
+output = { name = "y", unit = "cm", noise = 0.2 }
+[model]
+effects = ["viscous_damping"]
+"""
+
+
+def test_a_cart_that_constant_forces_push_is_begun_from_its_regression(tmp_path: Path) -> None:
+    """Of a drive without damping, as its guesses have it, the motion leaves what was measured a hundred times over."""
+    time, files = np.arange(0.0, 10.0, 0.1), []
+    for i, force in enumerate((0.5, 1.0)):
+        way = solve_ivp(lambda _, s, f=force: [s[1], (f - 5.0 * s[1]) / 0.5], (0.0, 10.0), [0.0, 0.0], t_eval=time).y[0]
+        read = 100 * way + 0.2 * np.random.default_rng(i).standard_normal(time.size)
+        files.append(tmp_path / f"{i}.csv")
+        table = np.column_stack([time, np.full(time.size, force), read])
+        np.savetxt(files[-1], table, delimiter=",", header="t,u,y", comments="")
+    (tmp_path / "rig.toml").write_text(CART)
+    train = load_dataset(tmp_path / "rig.toml", files).train
+    found = first_fit(train, natural_units(train))
+    assert found.values["g"] / found.values["xi"] == pytest.approx(0.2, rel=0.01)
+    assert found.values["xi"] == pytest.approx(10.0, rel=0.3)
+    assert found.chi2 < 1.3 * found.problem.bench.n_data

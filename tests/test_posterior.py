@@ -338,6 +338,11 @@ def test_undetermined_parameters_are_refused(linear):
     assert caught.value.directions[0]["g"] == 0.6
 
 
+def test_starts_that_hang_together_are_held_by_their_priors(linear):
+    starts = dataclasses.replace(linear, null_directions=({"delta_0_init[sine]": 0.6, "rate_0_init[sine]": -0.8},))
+    assert log_posterior(starts).names == log_posterior(linear).names
+
+
 def test_netcdf_keeps_everything(drawn, linear, tmp_path):
     path = tmp_path / "posterior.nc"
     experiments = linear.problem.bench.experiments

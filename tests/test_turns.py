@@ -72,6 +72,11 @@ def test_a_shaft_that_goes_on_through_full_turns_has_no_place_of_rest(
     assert any(e.startswith("cogging") for e in found)
 
 
+@pytest.mark.parametrize(("unit", "offered"), [("m", True), ("pixel", True), ("V", True), ("N", False), ("N m", False)])
+def test_no_camera_reads_a_force(unit: str, offered: bool) -> None:
+    assert ("perspective" in candidates(Model("oscillator", ("viscous_damping",)), unit)) is offered
+
+
 def test_without_reversals_no_law_of_memory_is_missing() -> None:
     model = Model("oscillator", ("viscous_damping", "linear_stiffness"))
     assert {*candidates(model)} - {*candidates(model, turns=False)} == {"hysteresis"}

@@ -98,7 +98,7 @@ class Effect(ABC):
     stands_for: ClassVar[str] = ""
     #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
     angular: ClassVar[bool] = False
-    pictured: ClassVar[bool] = False  #: True for a fault of a picture: a rate is read by no camera.
+    pictured: ClassVar[bool] = False  #: True for a fault of a picture: no camera reads a rate or a force.
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
     ties: ClassVar[bool] = False  #: Whether it itself ties a body to a place.

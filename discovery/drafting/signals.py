@@ -137,7 +137,9 @@ def _in_file(path: Path, rate: float | None, wanted: Mapping[str, str]) -> Signa
         raise InputError(f"{path} has too few rows of readings ({table.lines.size}). Export the recording again.")
     for name in wanted.values():
         if name not in columns:
-            raise InputError(f"{path} has no column of numbers {name!r}.{suggestion(name, columns)} {_list(columns)}")
+            cell = f" Its cells are like {str(table.columns[name][0])!r}." if name in table.columns else ""
+            cell = cell or suggestion(name, columns)
+            raise InputError(f"{path} has no column of numbers {name!r}.{cell} {_list(columns)}")
     meanings = {name: meaning_of(name) for name in columns}
     time = None if rate is not None and "time" not in wanted else _time(path, columns, meanings, wanted.get("time"))
     # Neither a second column of times nor one that never changes is a signal, unless the user says so.

@@ -8,6 +8,7 @@ from itertools import product
 from discovery.declarations.effect import OSCILLATOR, ROTOR, Effect, Mode
 from discovery.declarations.place import can_be_placed, placed
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.units import is_force
 from discovery.equations.model import Model
 from discovery.mechanics.base import Place
 
@@ -37,7 +38,7 @@ def candidates(
         effect = get_effect(name)
         turning = (placed_at[effect.place].unit if effect.place else unit) in ("rad", "1")
         held = (effect.anchored or effect.kind == "potential") and not effect.angular
-        read = not effect.pictured or "/s" not in unit
+        read = not effect.pictured or not ("/s" in unit or is_force(unit))
         return read and (turns or not effect.remembers) and not (spins and turning and held)
 
     return tuple(filter(is_shown, acting))

@@ -15,7 +15,7 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.guess import restoring
+from discovery.estimation.guess import pushed, restoring
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import LIGHT_ROD, conventions, known_values
 from discovery.estimation.residual import explains
@@ -116,6 +116,8 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
             raise
         return _freed(again, experiments)
     _refuse_still(found)
+    if _is_doubtful(found) and (told := pushed(model, experiments, units)):
+        found = _better(found, _fit_from(told, model, experiments, units, gaussian))
     if _is_doubtful(found):
         found = _better(found, _led_fit(model, experiments, units, gaussian))
     found = _better(found, _begun_elsewhere(found, experiments), part=1.0)

@@ -13,7 +13,7 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, longest_leap, solver_shift
-from discovery.estimation.guess import restoring, scan, staged_start, start_of_system
+from discovery.estimation.guess import pushed, restoring, scan, staged_start, start_of_system
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.natural_units import NaturalUnits, natural_units
 from discovery.estimation.physical import physical_parameters, physical_rows
@@ -248,6 +248,8 @@ def fit(
     if problem.gaussian:
         values = staged_start(problem, values)
     (minimum,) = fit_problems([problem], [problem.start(values)])
+    if own_step and not values and not np.isfinite(minimum.cost) and (told := pushed(model, experiments, units)):
+        return fit(model, experiments, start=told, units=units, gaussian=gaussian, tolerance=tolerance)
     found = _at(problem, minimum)
     return refined(found) if own_step else found
 

@@ -44,8 +44,17 @@ def restoring(model: Model) -> str | None:
     return next((name for name in ("alpha", "g_c") if name in model.free), None)
 
 
-def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[str, float]:
-    """Return g, xi, alpha of q'' = g u - xi q' - alpha q by least squares on smoothed derivatives."""
+def pushed(model: Model, experiments: Sequence[Experiment], units: NaturalUnits) -> dict[str, float]:
+    """Return start values of a system whose position an input pushes on and nothing pulls back; empty for others."""
+    applies = "g" in model.free and restoring(model) is None and model.mechanics.order == 0
+    return _regression(experiments, units, sprung=False) if applies else {}
+
+
+def _regression(experiments: Sequence[Experiment], units: NaturalUnits, *, sprung: bool = True) -> dict[str, float]:
+    """Return g, xi, alpha of q'' = g u - xi q' - alpha q by least squares on smoothed derivatives.
+
+    Where it is not `sprung`, there is no alpha.
+    """
     from discovery.signals.differentiate import smooth
 
     rows, targets = [], []
@@ -57,14 +66,14 @@ def _regression(experiments: Sequence[Experiment], units: NaturalUnits) -> dict[
         # An acceleration obeys the same equation under the second derivative of the input.
         push = e.drive.evaluate(r.time[part])[2] if e.reads_acceleration and e.drive is not None else r.input[part]
         finite = np.isfinite(r.output[part, 0])
-        rows.append(np.column_stack([push[finite], -trajectory.q_dot, -trajectory.q]))
+        rows.append(np.column_stack([push[finite], -trajectory.q_dot, -trajectory.q])[:, : 2 + sprung])
         targets.append(trajectory.q_ddot)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
     # An input that has not begun says nothing of its gain.
     size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    g, xi, alpha = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size
-    low = (0.1 / units.time) ** 2
-    return {"g": float(g), "xi": float(max(xi, 1e-4 / units.time)), "alpha": float(max(alpha, low))}
+    least = {"g": -np.inf, "xi": 1e-4 / units.time, "alpha": (0.1 / units.time) ** 2}
+    found = np.linalg.lstsq(matrix / size, target, rcond=None)[0] / size
+    return {name: max(float(value), low) for (name, low), value in zip(least.items(), found, strict=False)}
 
 
 def scan(

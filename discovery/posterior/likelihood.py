@@ -14,6 +14,7 @@ rounding.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -177,6 +178,11 @@ class LogPosterior:
         return total
 
 
+def undetermined_parameters(fit: Fit) -> tuple[Mapping[str, float], ...]:
+    """Return the combinations that the data leave undetermined in which a parameter of the model takes part."""
+    return tuple(d for d in fit.null_directions if any(name in fit.problem.free for name in d))
+
+
 def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     """Return the log posterior around a fit on any base, under a noise model by its name.
 
@@ -184,14 +190,14 @@ def log_posterior(fit: Fit, noise: str = GAUSSIAN) -> LogPosterior:
     noise, and with the widths of the declared priors: it is finite also where a parameter lies on a bound. For other
     noise it is that of generalised least squares, around the mode under that noise.
 
-    NotIdentifiable if the data leave a combination of parameters undetermined; InputError for a noise model that is not
-    known, or does not apply to these recordings.
+    NotIdentifiable if the data leave a combination of parameters undetermined, other than of starts alone, which the
+    priors hold; InputError for a noise model that is not known, or does not apply to these recordings.
     """
-    if fit.null_directions:
-        raise NotIdentifiable(
-            fit.null_directions, "A posterior would only repeat the priors along directions that the data leave open."
-        )
     problem = fit.problem
+    if undetermined := undetermined_parameters(fit):
+        raise NotIdentifiable(
+            undetermined, "A posterior would only repeat the priors along directions that the data leave open."
+        )
     parts = instruments(problem.bench.experiments)
     models = noise_of(noise, problem, parts)
     widths = np.array([prior.width for prior in problem.priors])

@@ -250,7 +250,7 @@ def _refusal(
     message = (
         f"The ensembles did not converge in {max_steps} steps: wanted are R-hat of at most {r_hat_max:g}, at least "
         f"{min_effective:g} effective samples and {LENGTH_IN_TAU} autocorrelation times after burn-in, for every "
-        "quantity. Allow more steps, or free fewer parameters."
+        "quantity. Free fewer parameters, or allow more steps (`max_steps` of `sample`)."
     )
     tau, ess, r_hat = (dict(zip(names, a.tolist(), strict=True)) for a in (found.tau, found.ess, found.r_hat))
     return NotConverged(message, tau=tau, ess=ess, r_hat=r_hat)

@@ -131,11 +131,12 @@ def studied(
 
 def compared(fitted: Fit, loop: LoopResult, *, seed: int = 1, progress: Tell = silent) -> dict[str, Any]:
     """Weigh noise models of a fit, and the models before and after the loop, by their evidence."""
+    from discovery.posterior.likelihood import undetermined_parameters
     from discovery.posterior.model_comparison import compare_models
 
     noise = weighed(fitted, seed=seed, progress=progress).summary()
     models = {"before": loop.before, "after": loop.after}
-    if loop.before.model == loop.after.model or any(f.null_directions for f in models.values()):
+    if loop.before.model == loop.after.model or any(map(undetermined_parameters, models.values())):
         return {"noise": noise, "evidence": None}
     progress("weighing the models before and after by their evidence")
     held = {label: loop.errors[label]["holdout"]["rms"] for label in models}
