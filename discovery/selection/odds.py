@@ -63,7 +63,7 @@ def odds_of(larger: Contender, smaller: Contender, root: Contender, settings: Lo
     """Return the log odds of a larger set against a smaller one; `root` is the model without any added effect."""
     with np.errstate(invalid="ignore"):  # of what blows up
         gains = [getattr(larger.evidence, n) - getattr(smaller.evidence, n) for n in ("train", "held", "ahead")]
-        sizes = [_sizes(larger, smaller, root, settings, judged=judged) for judged in (False, True)]
+        sizes = [_sizes((larger, smaller, root), settings, judged=judged) for judged in (False, True)]
         form, nil = _form(larger, smaller, settings), larger.evidence.nil
         size = max(moved / float(np.hypot(error, laws)) for moved, error, laws in sizes)
         against = max(_against(moved, form * error, laws, nil) for moved, error, laws in sizes)
@@ -91,23 +91,21 @@ def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> floa
     return settings.form_wide if any(e.pliable for e in added) else settings.form_of(larger.model)
 
 
-def _sizes(
-    larger: Contender, smaller: Contender, root: Contender, settings: LoopSettings, *, judged: bool
-) -> tuple[float, float, float]:
+def _sizes(sets: tuple[Contender, ...], settings: LoopSettings, *, judged: bool) -> tuple[float, float, float]:
     """Return how far a set moves the residual, the model error that it leaves, and what laws are expected to, all rms.
 
-    In training, or in training and held-out recordings together: an effect may show in the larger motion of either, or
-    in what is predicted.
+    `sets`: larger, smaller, root. In training, or in training and held-out recordings together: an effect may show in
+    the larger motion of either, or in what is predicted.
     One effect could take all that laws leave: where it moves as much as the share `law`, its odds are the nats.
     """
-    parts = [(c.chi2, c.refit.problem.bench.n_data, c.evidence.error) for c in (larger, smaller, root)]
+    parts = [(c.chi2, c.refit.problem.bench.n_data, c.evidence.error) for c in sets]
     if judged:
-        held = [(c.evidence.chi2_ahead, c.evidence.count_held, c.evidence.error_held) for c in (larger, smaller, root)]
+        held = [(c.evidence.chi2_ahead, c.evidence.count_held, c.evidence.error_held) for c in sets]
         both = zip(parts, held, strict=True)
         parts = [(q + r, n + m, np.sqrt((n * a**2 + m * b**2) / (n + m))) for (q, n, a), (r, m, b) in both]
     (chi2, n_data, error), (without, *_), (bare, *_) = parts
     moved, before = (float(np.sqrt(max(gain, 0.0) / n_data)) for gain in (without - chi2, bare - without))
-    laws = settings.law_of(larger.model) * before / np.sqrt(2 * settings.nats)
+    laws = settings.law_of(sets[0].model) * before / np.sqrt(2 * settings.nats)
     return moved, float(error), max(float(laws), 1e-12)
 
 

@@ -99,8 +99,7 @@ def named(search: Search) -> list[Named]:
             if odds_of(rival, smaller, search.root, settings).against_error >= settings.nats:
                 behind[rival] = between_rivals(search.best, rival, settings)
         weights = {c: float(np.exp(-max(behind[c], 0.0))) for c in others}
-        absent = float(np.exp(-max(odds.total, 0.0)))
-        total = 1.0 + absent + sum(weights.values())
+        total = 1.0 + float(np.exp(-max(odds.total, 0.0))) + sum(weights.values())
         group = [c for c in others if behind[c] < settings.nats]
         names = tuple(next(e for e in c.added if e not in smaller.added) for c in group)
         shared = 1.0 + sum(weights[c] for c in group)
@@ -124,6 +123,9 @@ def strongest_lead(search: Search) -> Decision | None:
     gains = [i for i, d in enumerate(told) if d.numbers.get("train", 0) > 0 < d.numbers.get("size", 1)]
     weighed = (i for i in gains if told[i].accepted == (told[i].action == "remove"))
     left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
+    # A force of no law, whose size is not weighed, leads where no law explains as much.
+    explained = {i: min(told[i].numbers["train"], told[i].numbers["train"] + told[i].numbers["held"]) for i in left}
+    left = [i for i in left if told[i].code != "unknown" or explained[i] >= max(explained.values())]
     # What was refused before the last change was refused beside another set.
     odds = {i: told[i].numbers["odds"] for i in left}
     best = max(left, key=lambda i: (i > made, odds[i]), default=None)
