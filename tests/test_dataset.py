@@ -320,6 +320,7 @@ def test_marks_are_counted_alike_and_copied_only_with_their_times() -> None:
     assert shared_samples(first, wheel(0.9, slice(None))) is None
     assert shared_samples(first, wheel(1.21, slice(None))) is None  # its times between two marks are 1 % apart
     assert shared_samples(first, wheel(1.2, slice(30, None))) == 0
+    assert shared_samples(first, wheel(1.2, slice(0, None, 2))) == 0
 
 
 def test_the_same_manoeuvre_again_is_no_repetition(folder: Path) -> None:

@@ -110,15 +110,15 @@ def test_a_width_that_the_density_refutes_is_narrowed(wide: float) -> None:
     assert (found.points @ factor.T).reshape(-1, 4).std(axis=0)[[0, 2]] == pytest.approx(1, abs=0.1)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e4])
+@pytest.mark.parametrize("scale", [1.0, 1e4, 1e20])
 def test_flattened_weights_count_as_asked(scale: float) -> None:
     drawn = weighed(lambda z: -0.5 * scale * (z**2).sum(axis=1), Proposal.standard(5), np.random.default_rng(1), 1000)
     weights = drawn.flattened(100.0)
     assert weights.sum() == pytest.approx(1)
-    if scale > 1:
+    if scale == 1e4:
         assert 1 / np.sum(weights**2) == pytest.approx(100, rel=1e-6)
         assert np.array_equal(np.argsort(weights)[-20:], np.argsort(drawn.log_weights)[-20:])
-    else:
+    elif scale == 1.0:
         assert weights is drawn.weights
 
 
@@ -185,6 +185,26 @@ def test_walkers_tell_of_a_peak_that_no_draw_reaches() -> None:
     assert alone is not None
     assert alone.points[..., 0].max() < 7
     assert found(away[None]) is None
+
+
+@pytest.mark.parametrize("dimension", [6, 8])
+def test_walkers_tell_of_a_peak_that_is_broad_and_low(dimension: int) -> None:
+    """Half of the mass lies where the density is lower than at nearly all draws around the other peak."""
+    away = np.zeros(dimension)
+    away[0] = 100.0
+
+    def density(z: FloatArray) -> FloatArray:
+        low = -0.5 * (((z - away) / 5.0) ** 2).sum(axis=1) - dimension * np.log(5.0)
+        return np.logaddexp(-0.5 * (z**2).sum(axis=1), low)
+
+    rng = np.random.default_rng(0)
+    seen = np.concatenate([rng.normal(size=(500, dimension)), away + 5.0 * rng.normal(size=(500, dimension))])
+    seeds = np.random.SeedSequence(1).spawn(5)
+    found = independence_chains(
+        density, np.eye(dimension), (seen, density(seen)), seeds=seeds, values=lambda z: z, wanted=(1000, 1.01),
+        tell=lambda *_: None,
+    )  # fmt: skip
+    assert found is None
 
 
 def test_what_is_remembered_is_not_asked_again() -> None:

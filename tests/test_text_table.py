@@ -235,6 +235,7 @@ def test_what_is_no_text_is_refused(tmp_path, content):
         ("# of Monday\n%t;x;v", ";", ["t", "x", "v"]),
         ("# t  x  v", " ", ["t", "x", "v"]),
         ("# of Monday\n# t, x, v\n# [s], [m], [m/s]", ",", ["t [s]", "x [m]", "v [m/s]"]),
+        ("# t, x, v\n# [s], [m], -", ",", ["t [s]", "x [m]", "v -"]),
         ("# [s], (m), [m/s]", ",", ["[s]", "(m)", "[m/s]"]),
         ("# t, x\n# made by a logger, of the old kind", ",", None),
         ("# t, x", ",", None),

@@ -82,8 +82,8 @@ def meaning_of(name: str) -> Meaning:
     """
     stem, unit = _split(name)
     words = words_of(stem)
-    if unit == "A" and (_TIMES | _MOTIONS).intersection(words):
-        unit = None  # the first of several signals: no motion is read in amperes
+    if unit == "A" and _role(words, None) not in ("cause", ""):
+        unit = None  # the first of several signals: nothing but a current is read in amperes
     unit = "rev" if unit is None and _counts_turns(words) else unit
     role = _role(words, unit)
     if unit in _GRAVITIES and role in ("acceleration", "motion", "moved") and not _WEIGHED.intersection(words):

@@ -181,7 +181,8 @@ def _joined(signal: Signal, time: FloatArray, *, moved: bool = True) -> Signal:
 
 
 def _changes(values: FloatArray) -> bool:
-    return bool(np.nanmax(values) > np.nanmin(values))
+    least, largest = _ends(values)
+    return largest > least
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:
@@ -235,8 +236,8 @@ def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, 
     Of several motions it is the first that is more than noise.
     """
     moving = [n for n, values in names.items() if np.nanstd(values) > _MOVING * _noise(values)]
-    for of in (moving, list(names)):
-        if (known := _first(of, meanings, ("height", "motion", "moved"), None)) is not None:
+    for of, roles in ((moving, ("height", "motion")), (list(names), ("height", "motion")), (list(names), ("moved",))):
+        if (known := _first(of, meanings, roles, None)) is not None:
             return known
     for role in ("speed", "acceleration", ""):
         found = [name for name in names if meanings[name].role == role]

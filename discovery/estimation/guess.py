@@ -45,9 +45,10 @@ def restoring(model: Model) -> str | None:
 
 
 def pushed(model: Model, experiments: Sequence[Experiment], units: NaturalUnits) -> dict[str, float]:
-    """Return start values of a system whose position an input pushes on and nothing pulls back; empty for others."""
-    applies = "g" in model.free and restoring(model) is None and model.mechanics.order == 0
-    return _regression(experiments, units, sprung=False) if applies else {}
+    """Return start values of a system whose position an input pushes on and no linear spring pulls back; else none."""
+    if "g" not in model.free or restoring(model) is not None or model.mechanics.order != 0:
+        return {}
+    return {n: value for n, value in _regression(experiments, units, sprung=False).items() if n in model.free}
 
 
 def _regression(experiments: Sequence[Experiment], units: NaturalUnits, *, sprung: bool = True) -> dict[str, float]:

@@ -31,8 +31,9 @@ _WELL, _GAIN = 0.8, 0.9
 _QUANTILES = (0.05, 0.5, 0.95)
 # Draws that count below which more of them are in vain.
 _ALONE = 2.0
-# Logarithm of the smallest power of a density that flattens it.
-_FLATTEST = -40.0
+# Logarithm of the smallest power of a density that flattens it, and what is least beside it: that power makes both
+# about equal.
+_FLATTEST, _LEAST = -40.0, -1e15
 # Draws below which no Pareto distribution can be fitted to the largest weights.
 _TAIL = 25
 
@@ -65,15 +66,17 @@ class Weighted:
         alone tells nothing of a shape (E. Koblents and J. Miguez, Statistics and Computing 25 (2015) 407).
         """
         count = min(count, 0.5 * np.isfinite(self.log_weights).sum())
+        if self.effective >= count:
+            return self.weights
         below = self.log_weights - self.log_weights.max()
+        below = np.where(np.isfinite(below), np.maximum(below, _LEAST), -np.inf)
 
         def excess(log_power: float) -> float:
             weights = np.exp(math.exp(log_power) * below)
             return float(weights.sum() ** 2 / np.sum(weights**2) - count)
 
-        if self.effective >= count or excess(0.0) >= 0:
-            return self.weights
-        weights = np.exp(math.exp(brentq(excess, _FLATTEST, 0.0)) * below)
+        log_power = 0.0 if excess(0.0) >= 0 else brentq(excess, _FLATTEST, 0.0)
+        weights = np.exp(math.exp(log_power) * below)
         return np.asarray(weights / weights.sum())
 
     @property

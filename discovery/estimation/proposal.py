@@ -15,6 +15,8 @@ _DOF = 8.0
 _DEFENCE, _WIDER = 0.1, 2.5
 #: Draws a dimension that must count before they alone tell it, and before anything is bent.
 _ENOUGH = 12
+# Of it, what is as good: weights are flattened to that number but for round-off.
+_TRUSTED = 0.999
 #: Polynomials go on as they are there, in standard deviations.
 _REACH = 4.0
 #: A polynomial is taken where the logarithm by which it lowers the variance, times the draws that count, exceeds so
@@ -73,7 +75,7 @@ class Proposal:
     def adapted(self, points: FloatArray, weights: FloatArray) -> Proposal:
         """Return the proposal of the moments of weighted draws, which keeps to this one where few of them count."""
         trust = min(1.0, 1.0 / float(np.sum(weights**2)) / enough(self.centre.size))
-        if self.frame is not None and trust == 1.0:
+        if self.frame is not None and trust > _TRUSTED:
             inside = weights > 0
             points, weights = points[inside], weights[inside]
             framed = points @ self.frame.T

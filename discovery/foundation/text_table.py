@@ -32,7 +32,7 @@ _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 #: May be a thousand or more as well as a number with three decimals.
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 #: Units as headers have them below their names.
-_UNIT = re.compile(r"[\[(].*[\])]")
+_UNIT = re.compile(r"[\[(].*[\])]|-+")
 
 
 def parse_text(
@@ -146,7 +146,7 @@ def _commented_names(above: Sequence[str], separator: str, first: Sequence[str])
     for comment in takewhile(lambda line: line[:1] in ("#", "%"), map(str.strip, reversed(above))):
         names = _cells(comment.lstrip("#% \t"), separator)
         if len(names) == len(first) and not any(map(_is_either_number, names)):
-            if units or not all(map(_UNIT.fullmatch, names)):
+            if units or names[0][:1] not in ("[", "(") or not all(map(_UNIT.fullmatch, names)):
                 return [f"{name} {unit}" for name, unit in zip(names, units, strict=True)] if units else names
             units = names
     return units

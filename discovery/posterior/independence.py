@@ -35,8 +35,6 @@ _WELL, _GAIN = 0.6, 1.1
 _OF_WEIGHTS, _PARTS, _PATIENCE = 0.5, 4, 3
 # A point that walkers saw and that is so many times rarer among the draws than any of them refutes the proposal.
 _MISSED = 10.0
-# What this part of the draws lies below is no place of theirs: where walkers saw less, a proposal may be thin.
-_RARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -95,25 +93,26 @@ def independence_chains(
         tell(found, pace * rounds * (found.times_longer(*wanted) - 1.0))
         if found.meets(*wanted):
             k = smoothed(fresh[np.isfinite(fresh)])[1]
+            if k > LARGEST_K or _misses(seen, proposal, float(fresh.max())):
+                return None
             density = np.take_along_axis(log_weights, kept, axis=1)
             density += proposal.log_density(chosen.reshape(-1, chosen.shape[2])).reshape(density.shape)
-            near = seen[1] >= np.quantile(density, _RARE)
-            if k > LARGEST_K or _misses((seen[0][near], seen[1][near]), proposal, float(fresh.max())):
-                return None
             return Chains(chosen, density, accepted, k, found)
     return None
 
 
 def _adapted(log_density: LogDensity, frame: FloatArray, rng: Generator) -> tuple[Proposal, Weighted]:
     """Return the proposal that another round would hardly better, and its draws; else the last that can be trusted."""
-    proposal, last, made = Proposal.standard(len(frame), frame), 0.0, []
+    proposal, last = Proposal.standard(len(frame), frame), 0.0
+    made: list[tuple[Proposal, Weighted]] = []
     for count in _ROUNDS:
+        if made:
+            every, last = pooled(made), made[-1][1].share
+            proposal = proposal.adapted(every.points, every.flattened(enough(len(frame))))
         made.append((proposal, weighed(log_density, proposal, rng, count)))
         share = made[-1][1].share
         if _trusted(made[-1][1]) and (share > _WELL or share < _GAIN * last):
             break
-        every, last = pooled(made), share
-        proposal = proposal.adapted(every.points, every.flattened(enough(len(frame))))
     return next((one for one in reversed(made) if _trusted(one[1])), made[-1])
 
 
@@ -148,5 +147,4 @@ def _by_the_rule(log_weights: FloatArray, seeds: Sequence[SeedSequence]) -> tupl
 def _misses(seen: tuple[FloatArray, FloatArray], proposal: Proposal, largest: float) -> bool:
     """Return whether walkers saw a place that is far too rare among the draws."""
     points, log_density = seen
-    log_weights = log_density - proposal.log_density(points)
-    return bool(np.any(log_weights > largest + math.log(_MISSED)))
+    return float(np.max(log_density - proposal.log_density(points))) > largest + math.log(_MISSED)

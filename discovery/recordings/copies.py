@@ -97,17 +97,18 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
     seen, judged = (r.output.astype(np.float32) for r in (first, second))
     if seen.shape[1] != judged.shape[1]:
         return None
-    at = _stretch(seen, judged, [np.diff(r.time) for r in (first, second)])
-    if _counted(judged):
-        return at
-    at = _thinned(first, second) if at is None else at
-    return _disguised(first, second) if at is None else at
+    counted = _counted(judged)
+    at = _stretch(seen, judged, [np.diff(r.time) for r in (first, second)], counted=counted)
+    at = _thinned(first, second, _SAME_STEP if counted else _SAME_TIME) if at is None else at
+    return _disguised(first, second) if at is None and not counted else at
 
 
-def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], steps: Sequence[FloatArray]) -> int | None:
+def _stretch(
+    seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], steps: Sequence[FloatArray], *, counted: bool
+) -> int | None:
     """Return where a row of equal readings begins that both recordings hold because they were cut from one.
 
-    They are as far apart in time, too: what is counted at marks is equal in all recordings, and but its times tell.
+    They are as far apart in time, too: what is counted at marks is equal in all recordings, and only its times tell.
     """
     # A run of twice that length holds a whole block of the first wherever it begins.
     blocks = [(i, seen[i : i + _ROW]) for i in range(0, len(seen) - _ROW + 1, _ROW)]
@@ -117,7 +118,6 @@ def _stretch(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], ste
     alike = ((known.get(judged[j : j + _ROW].tobytes()), int(j)) for j in begins)
     cut = ((i, j) for i, j in alike if i is not None and _is_cut(seen, judged, i, j))
     rows = ((j, steps[0][i : i + _ROW - 1], steps[1][j : j + _ROW - 1]) for i, j in cut)
-    counted = _counted(judged)
     return next((j for j, one, other in rows if _keeps_time(one, other, counted)), None)
 
 
@@ -164,15 +164,18 @@ def _disguised(first: Recording, second: Recording) -> int | None:
     return found.pop() if len(found) == 1 else None
 
 
-def _thinned(first: Recording, second: Recording) -> int | None:
-    """Return the first common reading where one recording is a part of the other with rows left out."""
+def _thinned(first: Recording, second: Recording, part: float) -> int | None:
+    """Return the first common reading where one recording is a part of the other with rows left out.
+
+    Times are the same that differ by less than a `part` of a step.
+    """
     seen, judged = (
         np.column_stack([r.output] if r.input is None else [r.output, r.input]).astype(np.float32)
         for r in (first, second)
     )
     if seen.shape[1] != judged.shape[1]:
         return None
-    same = _SAME_TIME * min(median_step(r.time) for r in (first, second))
+    same = part * min(median_step(r.time) for r in (first, second))
     shift = _shift(seen, judged, first.time, second.time, same)
     if shift is None:
         return None

@@ -118,7 +118,7 @@ def save_prediction(
         nothing, why = np.full_like(final[0], np.nan), str(failure)
         first = nothing, nothing
     for label, (value, told), error in zip(("before", "after"), (first, final), errors, strict=True):
-        sd = np.hypot(told, error)
+        sd = np.sqrt(told**2 + error**2)  # not a number where there is no prediction
         if arm:
             for k, axis in enumerate("xy"):
                 columns[f"tip_{axis}_{label}_m"] = value[:, k]

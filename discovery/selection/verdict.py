@@ -124,8 +124,8 @@ def strongest_lead(search: Search) -> Decision | None:
     weighed = (i for i in gains if told[i].accepted == (told[i].action == "remove"))
     left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
     # A force of no law, whose size is not weighed, leads where no law explains as much.
-    explained = {i: min(told[i].numbers["train"], told[i].numbers["train"] + told[i].numbers["held"]) for i in left}
-    left = [i for i in left if told[i].code != "unknown" or explained[i] >= max(explained.values())]
+    gained = {i: told[i].numbers["train"] + min(told[i].numbers["held"], 0.0) for i in left if i > made}
+    left = [i for i in left if told[i].code != "unknown" or i not in gained or gained[i] >= max(gained.values())]
     # What was refused before the last change was refused beside another set.
     odds = {i: told[i].numbers["odds"] for i in left}
     best = max(left, key=lambda i: (i > made, odds[i]), default=None)
