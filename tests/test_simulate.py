@@ -221,6 +221,18 @@ def test_a_step_below_the_shortest_is_not_tried() -> None:
         choose_step(*asked, shortest=4 * step)
 
 
+def test_no_step_is_so_short_that_memory_would_not_hold_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error of some motions falls, but slowly: the steps of an arm with backlash took 8 GB."""
+    experiment, model = arm_experiment("constant_radius", np.linspace(0.0, 3.0, 151), trapezoid(1.0, 1.25))
+    tried: list[float] = []
+    monkeypatch.setattr("discovery.estimation.step.Probe.bench", lambda _, __, step: tried.append(step) or step)
+    monkeypatch.setattr("discovery.estimation.step.Probe.error", lambda _, step: 1e-3 * step)
+    values = {**PAPER, "delta_0_init[test]": 0.1, "rate_0_init[test]": 0.0}
+    step = choose_step(model, [experiment], NaturalUnits(1 / 3, 1.0, 1.0), values, 1e-15)
+    assert step == min(tried)
+    assert 0.25 * 3.0 / 2_000_000 <= step < 1e-5
+
+
 def test_a_step_is_not_far_shorter_than_its_error_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
     time, drive = np.linspace(0.0, 3.0, 151), trapezoid(1.0, 1.25)
     experiment, model = arm_experiment("elastica_2", time, drive)

@@ -27,6 +27,8 @@ _PATIENCE = 4
 _USABLE = 1e-2
 #: What errs by more than so much runs away: shorter steps than so many of all recordings, or of a reading, do not help.
 _RUNS_AWAY, _MOST_STEPS, _A_READING = 1e6, 2_000_000, 8
+#: No step is tried that is shorter than this part of those, whatever errs: memory would not hold the motion.
+_LEAST = 0.25
 #: A step whose error is below this part of the tolerance, where a longer one was above it, is made longer to reach this
 #: part of it, so often at most.
 _FAR_BELOW, _AIM, _LONGER = 0.25, 0.7, 3
@@ -69,7 +71,7 @@ def choose_step(
         # Order four: one adjustment is usually enough; never more than a factor eight at once.
         too_much = tried[step]
         change = float(np.clip(0.9 * (tolerance / too_much) ** 0.25, 0.125, 0.9)) if np.isfinite(too_much) else 0.5
-        if step <= shortest or (step * change < hopeless and not too_much < _RUNS_AWAY):
+        if step <= shortest or step * change < hopeless * (_LEAST if too_much < _RUNS_AWAY else 1.0):
             break
         step = max(step * change, shortest)
     best = min(tried, key=lambda h: tried[h])
