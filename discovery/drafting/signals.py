@@ -17,7 +17,7 @@ from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
 from discovery.recordings.reading_noise import white_noise
-from discovery.recordings.rounding import quantum
+from discovery.recordings.rounding import resolution
 from discovery.recordings.running_on import runs_on
 from discovery.recordings.turns import joined_turns
 
@@ -226,16 +226,16 @@ def _input(names: Sequence[str], meanings: Mapping[str, Meaning], taken: str | N
     return _first(stated, meanings, ("cause",), taken) or _first(names, meanings, ("cause", "moved"), taken)
 
 
-def _noise(values: FloatArray) -> float:
-    return max(white_noise(values) or 0.0, quantum(values) / np.sqrt(12.0))
-
-
 def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> str | None:
     """Return the column of the motion: by its name, else the only speed, acceleration, or name that says nothing.
 
     Of several motions it is the first that is more than noise.
     """
-    moving = [n for n, values in names.items() if np.nanstd(values) > _MOVING * _noise(values)]
+    moving = [
+        n
+        for n, values in names.items()
+        if np.nanstd(values) > _MOVING * max(white_noise(values) or 0.0, resolution(values))
+    ]
     for of, roles in ((moving, ("height", "motion")), (list(names), ("height", "motion")), (list(names), ("moved",))):
         if (known := _first(of, meanings, roles, None)) is not None:
             return known

@@ -106,9 +106,8 @@ class Bend:
     """A map that bends straight distributions into bananas: the mean of some coordinates is a curve of others.
 
     Under dry friction, initial displacement and initial rate lie on a curve: the way to a stop is the signed square of
-    the rate. A triangular map (Y. Marzouk et al.,
-    Handbook of Uncertainty Quantification (2016), ch. 23) follows such a valley: a polynomial of the other coordinates
-    shifts each bent one. Volumes stay, and with them densities.
+    the rate. A triangular map (Y. Marzouk et al., Handbook of Uncertainty Quantification (2016), ch. 23) follows such a
+    valley: a polynomial of the other coordinates shifts each bent one. Volumes stay, and with them densities.
     """
 
     #: centre, scale (d,): of the coordinates in which it is defined.

@@ -12,7 +12,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.reading_noise import white_noise
 from discovery.recordings.recording import Recording
-from discovery.recordings.rounding import quantum
+from discovery.recordings.rounding import are_marks, quantum
 
 #: Of the noise: what two signals with noises of their own never come down to.
 _NEAR = 0.3
@@ -32,8 +32,6 @@ _EQUAL = 0.99
 _PAIRS = 200_000
 #: Of a step: times that are equal.
 _SAME_TIME = 0.25
-#: Of a mark: steps by which readings count one, printed in any digits.
-_COUNT = 0.02
 #: Part by which steps differ that are equal.
 _SAME_STEP = 1e-3
 
@@ -97,7 +95,7 @@ def shared_samples(first: Recording, second: Recording) -> int | None:
     seen, judged = (r.output.astype(np.float32) for r in (first, second))
     if seen.shape[1] != judged.shape[1]:
         return None
-    counted = _counted(judged)
+    counted = all(are_marks(second.time, channel) for channel in second.output.T)
     at = _stretch(seen, judged, [np.diff(r.time) for r in (first, second)], counted=counted)
     at = _thinned(first, second, _SAME_STEP if counted else _SAME_TIME) if at is None else at
     return _disguised(first, second) if at is None and not counted else at
@@ -128,14 +126,6 @@ def _keeps_time(one: FloatArray, other: FloatArray, counted: bool) -> bool:
         told = len(np.unique(np.round(one / (_SAME_STEP * step)))) >= _DIFFERENT
         return told and bool(np.quantile(np.abs(one - other), _MOST) < _SAME_STEP * step)
     return bool(np.median(np.abs(one - other)) < _SAME_TIME * step)
-
-
-def _counted(values: npt.NDArray[np.float32]) -> bool:
-    """Return whether readings count marks as they pass: one step each, up or down, whatever the motion."""
-    steps = np.abs(np.diff(values[np.isfinite(values).all(axis=1)].astype(float), axis=0))
-    usual = np.median(steps, axis=0) if len(steps) else np.zeros(1)
-    same = np.abs(steps - usual) < _COUNT * usual
-    return bool((usual > 0).all() and same.all(axis=1).mean() > _MOST)
 
 
 def _is_cut(seen: npt.NDArray[np.float32], judged: npt.NDArray[np.float32], i: int, j: int) -> bool:
