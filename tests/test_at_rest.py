@@ -15,7 +15,9 @@ from discovery.estimation.declared import first_fit
 from discovery.estimation.fit import Fit
 from discovery.estimation.natural_units import natural_units
 from discovery.recordings.dataset import load_dataset
+from discovery.recordings.drive import Drive
 from discovery.report.doubt_sentences import caution_sentence
+from discovery.simulation.simulate import Simulator
 
 RIG = """
 name = "two discs on a shaft"
@@ -146,3 +148,16 @@ def test_a_file_that_the_command_line_names_begins_as_the_rig_file_says(tmp_path
     np.savetxt(tmp_path / "b.csv", np.genfromtxt(tmp_path / "a.csv", delimiter=",", skip_header=9), delimiter=",")
     (tmp_path / "b.csv").write_text("t,y\n" + (tmp_path / "b.csv").read_text())
     assert not load_dataset(rig, [tmp_path / "b.csv"]).train[0].recording.at_rest
+
+
+@pytest.mark.parametrize(("at_rest", "past"), [(True, 0.0), (False, 1.0)])
+def test_a_late_instrument_reads_rest_before_the_first_step(at_rest: bool, past: float) -> None:
+    """A body that a force of 3 pushes from its first moment on: who says that it rested reads no motion from before."""
+    time = np.linspace(0.0, 1.0, 11)
+    force = Drive(np.array([0.0, 1.0]), np.array([[3.0]]), np.empty(0))
+    simulate = Simulator("oscillator", ("sensor_delay",), time, force, step=0.01, at_rest=at_rest)
+    given = {"g": 1.0, "tau": 0.25}
+    values = np.array([[given.get(name, 0.0)] for name in simulate.names])
+    read = simulate(values, np.zeros(1), np.zeros(1))[:, 0, 0]
+    late = time - 0.25
+    assert read == pytest.approx(np.where(late < 0, past, 1.0) * 1.5 * late**2, abs=1e-9)

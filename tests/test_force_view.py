@@ -71,7 +71,20 @@ def test_a_recording_is_seen_as_force(tmp_path):
     assert recording.units == ("N",)
 
 
-def test_uneven_times_and_gaps_are_refused(tmp_path):
+def test_times_that_jitter_are_made_even(tmp_path):
+    time = T + np.random.default_rng(2).uniform(-0.2, 0.2, T.size) / RATE
+    record(tmp_path / "r.csv", time)
+    recording = read_recording(tmp_path / "r.csv", rig(view=ForceView(50.0, CUTOFF)))
+    assert "evened" in [flag.code for flag in recording.flags]
+    assert np.ptp(np.diff(recording.time)) < 1e-9
+    used = np.isfinite(recording.output[:, 0])
+    at = recording.time[used]
+    error = recording.output[used, 0] - (3.0 * -4.0 * np.sin(2.0 * at) + 5.0 * 2.0 * np.cos(2.0 * at))
+    assert error.std() == pytest.approx(recording.noise[0], rel=0.3)
+    np.testing.assert_allclose(recording.input, np.sin(2.0 * recording.time), atol=2e-3)
+
+
+def test_gaps_are_refused(tmp_path):
     view = ForceView(50.0, CUTOFF)
     record(tmp_path / "gap.csv", np.delete(T, slice(300, 320)))
     with pytest.raises(InputError, match="not equally spaced"):

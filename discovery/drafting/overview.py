@@ -21,7 +21,7 @@ _JITTER = 0.05
 #: Share of the power of an input on either side of its band.
 _OUTSIDE = 0.05
 #: Share of a recording in which a periodic input repeats.
-_MOSTLY = 0.5
+_MOSTLY = 0.8
 #: Readings whose periods are looked for at a time that nobody notices.
 _SOON = 50_000
 

@@ -10,8 +10,9 @@ class SensorDelay(Sensor):
 
     .. math:: y_\mathrm{read}(t) = y(t - \tau)
 
-    A lag in what drives the system, such as the L/R of a motor that is left out, looks like it where it is short: see
-    `input_lag`.
+    What is read of the time before the first step follows from the first rate and acceleration; a recording that begins
+    `at_rest` still rested then. A lag in what drives the system, such as the L/R of a motor that is left out, looks
+    like it where it is short: see `input_lag`.
     """
 
     cite = "Ljung, System Identification (1999), section 4.2"

@@ -29,7 +29,7 @@ def candidates(
     `unit`: unit of an oscillator's coordinate: laws of an angle ask for radians. `declared`: effects of the model that
     its rig file declares, which say whether anything ties the coordinate; all otherwise. `turns`: whether the recorded
     motion turns back, which laws of memory ask for. `spins`: whether it goes on and on through full turns, which no
-    law of the place does but one that is the same in each of them.
+    law of the place does but one that is the same in each of them, and no picture shows.
     """
     placed_at = model.mechanics.places()
     acting = _at_places(model) if placed_at else _on_the_coordinate(model, unit, declared)
@@ -38,7 +38,7 @@ def candidates(
         effect = get_effect(name)
         turning = (placed_at[effect.place].unit if effect.place else unit) in ("rad", "1")
         held = (effect.anchored or effect.kind == "potential") and not effect.angular
-        read = not effect.pictured or not ("/s" in unit or is_force(unit))
+        read = not effect.pictured or not (spins or "/s" in unit or is_force(unit))
         return read and (turns or not effect.remembers) and not (spins and turning and held)
 
     return tuple(filter(is_shown, acting))

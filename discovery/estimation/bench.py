@@ -44,7 +44,16 @@ class Bench:
         self.leap = leap if leap is not None and leaps(base, self.effects) else None
         longest, method = (step, CLASSICAL) if self.leap is None else (self.leap, dormand_prince())
         self._whole = [
-            Simulator(base, self.effects, e.recording.time, e.drive, step=longest, method=method, pace=e.pace)
+            Simulator(
+                base,
+                self.effects,
+                e.recording.time,
+                e.drive,
+                step=longest,
+                method=method,
+                pace=e.pace,
+                at_rest=e.recording.at_rest,
+            )
             for e in experiments
         ]
         self._parts = [e.fitted_part for e in self.experiments]

@@ -93,7 +93,7 @@ def tail_effective(draws: FloatArray) -> FloatArray:
 def _autocorrelation_times(values: FloatArray) -> FloatArray:
     """Return the integrated autocorrelation time of the walkers of every ensemble, (ensembles, steps, walkers) [steps].
 
-    NaN where nothing varies.
+    NaN where nothing varies. At least one: a short chain may look as if its steps took turns, but no draw counts twice.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
@@ -110,4 +110,4 @@ def _autocorrelation_times(values: FloatArray) -> FloatArray:
         sums = 2.0 * np.cumsum(correlation) - 1.0
         long_enough = np.arange(steps) >= _WINDOW * sums
         times.append(sums[np.argmax(long_enough)] if long_enough.any() else sums[-1])
-    return np.array(times)
+    return np.maximum(times, 1.0)

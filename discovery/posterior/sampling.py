@@ -219,7 +219,8 @@ def _progress(found: Convergence, steps: int, wanted: float, seconds_left: float
         float(found.ess.min()),
         wanted,
         "effective samples",
-        beside=f"R-hat {found.r_hat.max():.3f} after {steps} steps",
+        beside=f"R-hat {found.r_hat.max():.3f}, {found.steps / found.tau.max():.0f} of {LENGTH_IN_TAU} autocorrelation "
+        f"times after {steps} steps",
         seconds_left=seconds_left,
     )
 

@@ -236,6 +236,10 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
         "motion that stands out of the noise needs more. The motion begins before the first of them, where none is.",
     ),
+    "evened": (
+        "note",
+        "its times are not equally spaced: motion and force are taken every {step:.4g} s, by splines.",
+    ),
     "at_rest": (
         "note",
         "the motion has ended before the recording has: its first {kept} of {count} readings are used, up to "

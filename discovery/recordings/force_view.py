@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
+from discovery.foundation.sampling import mean_rate
 from discovery.rigs.rig import ForceView
 
 _ORDER = 4
+_EVEN = 0.01  # of a step, by which others may differ
 _SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
 _SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves disturb
 
 
+def is_even(time: FloatArray) -> bool:
+    """Return whether the steps between times are equal, up to a hundredth."""
+    steps = np.diff(time)
+    return bool(np.max(np.abs(steps - steps.mean())) <= _EVEN * steps.mean())
+
+
+def evened(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return as many times (n,) in equal steps, and signals (n,) there, by cubic splines."""
+    from scipy.interpolate import CubicSpline
+
+    even = np.linspace(time[0], time[-1], time.size)
+    return even, {name: np.asarray(CubicSpline(time, values)(even)) for name, values in signals.items()}
+
+
 def sampling_rate(time: FloatArray, source: str) -> float:
     """Return the rate of times [Hz] whose steps must be equal, up to a hundredth."""
-    steps = np.diff(time)
-    step = float(steps.mean())
-    if np.max(np.abs(steps - step)) > 0.01 * step:
+    if not is_even(time):
         raise InputError(
-            f"{source}: the times are not equally spaced, so the signals cannot be low-passed as [view] asks. Resample "
-            "the recording, or take a part without gaps with samples = [start, stop]."
+            f"{source}: the times are not equally spaced, so the signals cannot be low-passed as [view] asks. Take a "
+            "part without gaps with samples = [start, stop]."
         )
-    return 1.0 / step
+    return mean_rate(time)
 
 
 def zero_phase(values: FloatArray, rate: float, cutoff: float) -> FloatArray:

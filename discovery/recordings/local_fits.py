@@ -90,7 +90,7 @@ def timing_error(time: FloatArray, channel: FloatArray, least: float) -> TimingE
     A reading that was taken at another time misses its neighbours by slope times that. So does one of a motion that is
     sampled too coarsely to be followed, or by an encoder that rounds. Errors of timing are told from both: polynomials
     of any degree and length find the same size, misses grow as the speed does throughout, and where the motion is
-    fast they are more than all else, of most readings.
+    fast they are more than all else, of most readings. Times that erred by more than a step would not be in order.
     """
     if np.isfinite(channel).sum() < _FEWEST:
         return None
@@ -101,7 +101,7 @@ def timing_error(time: FloatArray, channel: FloatArray, least: float) -> TimingE
             return None
         laws.append(law)
     sizes = [law.timing for law, _ in laws]
-    if max(sizes) > _ALIKE**2 * min(sizes):
+    if max(sizes) > _ALIKE**2 * min(sizes) or min(sizes) > median_step(time) ** 2:
         return None
     # That which holds least of the motion, and amplifies least what alternates.
     best, _ = min(laws, key=lambda law: law[1])

@@ -13,11 +13,12 @@ from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError
+from discovery.foundation.sampling import gaps, median_step
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.cleaning import cleaned, timed
 from discovery.recordings.file_signals import ARM_STEMS, Signals
 from discovery.recordings.flags import REPEATED, Flag
-from discovery.recordings.force_view import force_samples, noise_gain, sampling_rate, zero_phase
+from discovery.recordings.force_view import evened, force_samples, is_even, noise_gain, sampling_rate, zero_phase
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise
@@ -190,9 +191,10 @@ def read_recording(
         flags += [flag for flag in told if rig.traits.returns or flag.code == "swings_few"]
     noise, bands, more = cleaned(rig, found, stated)
     check_signals(found, rig.traits.fewest)
-    jitter, told = timed(rig, found, noise, stated, bands, repeats)
+    jitter, late = timed(rig, found, noise, stated, bands, repeats)
     if rig.view is not None and found.inputs is not None:
-        noise = _viewed(rig.view, found, noise)
+        noise, told = _viewed(rig.view, found, noise)
+        flags += told
     missing = np.full(found.time.size, np.nan)
     return Recording(
         name=name or found.table.path.stem,
@@ -205,7 +207,7 @@ def read_recording(
         sha256=found.table.sha256,
         source=found.source,
         noise_estimated=bool(found.outputs) and any(known is None for known in stated),
-        flags=(*flags, *more, *told),
+        flags=(*flags, *more, *late),
         jitter=jitter,
         bands=tuple(bands),
         rows=found.rows,
@@ -235,22 +237,34 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     return [*flags, *time_flags(found.time, rig.columns.time, marks=marks), *odd]
 
 
-def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> list[float]:
-    """Turn motion and force into what the view shows, the force with gaps; return the noise that is left."""
+def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> tuple[list[float], list[Flag]]:
+    """Turn motion and force into what the view shows, the force with gaps.
+
+    Returned: the noise that is left, and what is told.
+    """
     assert found.inputs is not None
+    told = []
+    if not is_even(found.time) and not gaps(found.time).any() and not any(map(_has_gaps, found.outputs.values())):
+        found.time, signals = evened(found.time, {"input": found.inputs, **found.outputs})
+        found.inputs, found.outputs = signals.pop("input"), signals
+        told.append(Flag("evened", numbers={"step": median_step(found.time)}))
     rate = sampling_rate(found.time, found.source)
     found.inputs = zero_phase(found.inputs, rate, view.motion_cutoff)
     if not found.outputs:
-        return list(noise)
+        return list(noise), told
     force = found.outputs["output"]
-    if np.isnan(force).any():
+    if _has_gaps(force):
         raise InputError(
             f"{found.source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps "
             "with samples = [start, stop]."
         )
     used = force_samples(view, found.time, rate)
     found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
-    return [noise_gain(rate, view.cutoff) * value for value in noise]
+    return [noise_gain(rate, view.cutoff) * value for value in noise], told
+
+
+def _has_gaps(values: FloatArray) -> bool:
+    return bool(np.isnan(values).any())
 
 
 def _own_period(rig: Rig) -> float | None:

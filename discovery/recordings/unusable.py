@@ -17,7 +17,6 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, largest_deflection
-from discovery.recordings.recording import Recording
 
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 _FEWEST = 30
@@ -60,7 +59,7 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
     fewest = min(_FEWEST, experiment.rig.traits.fewest)
     for name, part in parts.items():
         if part.sum() < fewest:
-            raise _too_few(r, name, part, fewest, finite.size if len(parts) > 1 else None)
+            raise _too_few(experiment, name, part, fewest, finite.size if len(parts) > 1 else None)
     given = experiment.rig.columns.input
     if r.input is not None and given is not None and any(scaled_copy(r.input, c) for c in r.output.T):
         raise InputError(
@@ -69,13 +68,20 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
         )
 
 
-def _too_few(r: Recording, name: str, part: BoolArray, fewest: int, divided: int | None) -> InputError:
+def _too_few(experiment: Experiment, name: str, part: BoolArray, fewest: int, divided: int | None) -> InputError:
     """Return the error of a part with too few readings; `divided` is the size of the recording that it is a part of."""
+    r, view = experiment.recording, experiment.rig.view
     gaps, longer = part.size >= fewest, "give a longer recording"
     for flag in r.flags:
         if flag.code == "at_rest":
             longer = f"let it move for longer, it has come to rest at {flag.numbers['last']:.3g} s"
     ways = ["give a recording without so long a gap"] if gaps else [longer, "sample it more often"]
+    if view is not None:
+        # Of the force few readings are used, and none near its ends.
+        ways = [
+            longer,
+            f"raise the cutoff of the force, {view.cutoff:g} Hz in [view]: two readings a period of it count",
+        ]
     if divided is not None:
         ways.append("name another recording to be held out, with --holdout or in [records] of the rig file")
     remedy, of = ", or ".join(ways), "" if divided is None else f", of {divided} in all"

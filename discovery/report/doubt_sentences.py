@@ -178,7 +178,7 @@ def failure_sentence(failure: Record) -> str:
     numbers = failure["numbers"]
     at = f", at {plain(numbers['time'])} s" if "time" in numbers else ""
     words = {
-        "runs_away": "the declared system runs away from rest by itself, and so does every fit of it",
+        "runs_away": "the declared system runs away by itself, and so does every fit of it",
         "diverges": f"wherever its fit begins, the declared model leaves the measured range a hundred times over{at}",
         "unresolved": "the declared model moves too fast, or too wildly, for any integration step",
     }[failure["code"]]

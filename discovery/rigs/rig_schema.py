@@ -154,8 +154,8 @@ class ControllerTable(Table):
 class ViewTable(Table):
     """A ``drive`` or an ``oscillator`` seen as the force that its motion takes: inverse dynamics.
 
-    The input is then the motion, and the output the force. Both need even steps. Left out, the force is given and the
-    motion is compared. A file has either this table or ``[controller]``.
+    The input is then the motion, and the output the force. Uneven steps are made even; gaps are refused. Left out, the
+    force is given and the motion is compared. A file has either this table or ``[controller]``.
     """
 
     output: Literal["force"] = Field(description="What is compared: the force that was measured, and the computed one.")

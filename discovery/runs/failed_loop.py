@@ -33,7 +33,7 @@ class FailedLoop:
     #: dataset, model: rig and recordings, and the declared model.
     dataset: Dataset
     model: Model
-    #: "runs_away" (it grows from rest by itself), "unresolved" (no step resolves its motion), "diverges" (none of
+    #: "runs_away" (a small motion grows by itself), "unresolved" (no step resolves its motion), "diverges" (none of
     #: these).
     code: str
     #: "time": first time at which the motion is not finite or far too large [s]; "grows_in": time in which a small
@@ -95,17 +95,26 @@ def failed_loop(dataset: Dataset, failure: ComputationError) -> FailedLoop:
 
 
 def _growth(dataset: Dataset, model: Model, units: NaturalUnits) -> float:
-    """Return the fastest rate at which a small motion grows about rest, at the guesses of the declaration [1/s]."""
+    """Return the fastest rate at which a small motion grows, at the guesses of the declaration [1/s].
+
+    About rest, and about the middle of the first recording: a levitated body has no rest without its input.
+    """
     system = dataset.rig.system
     own = {} if system is None else {x.name: v for x, v in system_base(system).guess.items()}
     values = {
         n: own.get(n, (p.starts[0] if p.starts else p.default) * units.scale(p)) for n, p in model.parameters.items()
     }
-    try:
-        matrix = linearise(model, {**values, **model.known}).a
-    except InputError:
-        return 0.0
-    return float(np.linalg.eigvals(matrix).real.max()) if np.isfinite(matrix).all() else 0.0
+    first = dataset.train[0]
+    held = 0.0 if first.recording.input is None else float(np.nanmedian(first.recording.input))
+    found = [0.0]
+    for point in ({}, {"deflection": float(np.nanmedian(first.deflection)), "held": held}):
+        try:
+            matrix = linearise(model, {**values, **model.known}, **point).a
+        except InputError:
+            continue
+        if np.isfinite(matrix).all():
+            found.append(float(np.linalg.eigvals(matrix).real.max()))
+    return max(found)
 
 
 def gather_failed_loop(folder: Path, loop: FailedLoop, seed: int, *, note: str = "") -> None:

@@ -83,7 +83,8 @@ class Simulator:
 
     `base`: name of the base. `effects`: effect ids; an effect whose parameters are at their defaults is absent. `time`
     (m,): output times [s], increasing, possibly irregular. `drive`: smooth input. `step`: longest step [s]. `method`:
-    of the steps, where it suits the terms: `kernel.method` says. `pace`: where steps are shorter.
+    of the steps, where it suits the terms: `kernel.method` says. `pace`: where steps are shorter. `at_rest`: whether
+    nothing moves before the first output, which a late instrument still reads then.
     """
 
     def __init__(
@@ -96,12 +97,13 @@ class Simulator:
         step: float,
         method: Method = CLASSICAL,
         pace: Pace | None = None,
+        at_rest: bool = False,
     ) -> None:
         self.base = get_base(base)
         self.kernel: Kernel = compile_kernel(base, tuple(effects), method)
         self.drive = drive
         self.time = np.asarray(time, float)
-        self.step, self.pace = step, pace
+        self.step, self.pace, self.at_rest = step, pace, at_rest
         self.grid = Grid.build(self.time, drive, step, self.kernel.method, pace)
         self.names = self.kernel.program.parameters
         shape = self.time.size, len(self.kernel.program.reading)
@@ -189,7 +191,8 @@ class Simulator:
             Whether `motion` is that of all sets instead, which are read only.
         """
         g = self.grid
-        grid = (g.times, g.steps, g.restart, g.drive, g.out_step, g.out_fraction, g.out_time, g.out_drive)
+        before = (g.times, g.steps, g.restart, g.drive, 0.0 if self.at_rest else 1.0)
+        grid = (*before, g.out_step, g.out_fraction, g.out_time, g.out_drive)
         given = (misses.channel, misses.target, misses.weight, batch.parameters, batch.initial)
         motion = np.empty((0, 0)) if motion is None else motion
         where = (out, sums, blocks[0], blocks[-1] + 1, place, motion, plays)

@@ -126,7 +126,7 @@ class MechanicsContract:
         out, sums = np.empty((1, n, kernel.lanes)), np.empty((n + 1, kernel.lanes))
         plain = (0, np.zeros((1, n)), np.ones((1, n)))
         middle = (np.zeros(1, np.int64), np.array([0.5]), time[1:2], drive.evaluate(time[1:2]).T.copy())
-        steps = (grid.times, grid.steps, grid.restart, grid.drive)
+        steps = (grid.times, grid.steps, grid.restart, grid.drive, 1.0)
         given = (sample.parameters, sample.state.copy())
         left = (out, sums, 0, 1, 0, np.empty((0, 0)), False)
         kernel.run(*steps, *middle, *plain, *given, *left)

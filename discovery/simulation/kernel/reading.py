@@ -137,11 +137,13 @@ def late_interpolation(
     """Return lines that interpolate in every lane at the time of its own output, that of T before by the age L.
 
     `over_lanes`, `coordinates`, `sampled`: see `reading`. `rows`: rows of the states Y, S, F, K, of their interpolated
-    values Q, of drive and time D, of times T and ages L. `last`: which node of the drive lies at the end of a step.
+    values Q, of drive and time D, of times T and ages L. `last`: which node of the drive lies at the end of a step. The
+    lines know by `moves` whether there is motion before the first step, 1 or 0.
     """
     (time,), (age,) = rows["T"].values(), rows["L"].values()
-    body = [f"read = w[{time} + i] - w[{age} + i]", "past = read - t", "before = past if past < 0.0 else 0.0"]
-    body += ["after = past - h if past > h else 0.0", "f = (past - before - after) / h", *_LATE_WEIGHTS]
+    body = [f"read = w[{time} + i] - w[{age} + i]", "past = read - t", "early = past if past < 0.0 else 0.0"]
+    body += ["before = moves * early", "after = past - h if past > h else 0.0"]
+    body += ["f = (past - early - after) / h", *_LATE_WEIGHTS]
     body += [f"w[{rows['Q'][x]} + i] = {text}" for x, text in _interpolated(coordinates, sampled, rows).items()]
     drive, *_, when = rows["D"].values()
     ends = [f"{e}{k}" for k in range(3) for e in "uv"]
