@@ -4,7 +4,7 @@ An effect is accepted by its log odds, the smallest of three: the evidence that 
 there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
 the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2; where none is
 likelier, those odds count beside. It must also move more than accepted laws may leave, a share of what they moved.
-Held out it must gain half the nats, also by the estimate alone; it stays until it loses them.
+Held out it must gain half the nats by the estimate, and over its intervals not lose them; it stays until it does.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Odds:
             return "accepted" if self.train + self.held > 0 else "finite"
         if self.train < settings.nats:
             return "training"
-        if self.predicted < least * settings.nats:
+        if self.ahead < least * settings.nats or self.held < min(least, -HELD) * settings.nats:
             return "held_out"
         return "accepted" if self.against_error >= settings.nats else "size"
 
