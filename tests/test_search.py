@@ -246,8 +246,9 @@ def odds(**changed: float) -> Odds:
     [
         ({}, "accepted"),
         ({"train": 2.0}, "training"),
-        ({"held": -1.0}, "held_out"),
-        ({"ahead": -1.0}, "held_out"),
+        ({"held": -1.0}, "accepted"),
+        ({"held": -2.0}, "held_out"),
+        ({"ahead": 1.0}, "held_out"),
         ({"against_error": 1.0}, "size"),
         ({"train": -np.inf}, "finite"),
     ],
