@@ -52,7 +52,11 @@ def _one_coordinate(model: Mapping, values: Mapping[str, float]) -> tuple[list[L
     # One coordinate has one set of states: their number is left out.
     states = [(z.name + dots, z.name.removesuffix("_0") + dots) for z, _ in terms.memory for dots in ("", "''")]
     plain = {sp.Symbol(long, real=True): sp.Symbol(short, real=True) for long, short in states}
-    inertia = "" if terms.inertia == 1 else rf"\left({expression(terms.inertia, system)}\right) "
+    # The reference inertia of a force that is read is a power of ten: a number, where numbers are told.
+    known = model.get("known", {}) if values else {}
+    given = {sp.Symbol(n, real=True): sp.nsimplify(v) for n, v in known.items() if n == "m_0"}
+    inertia = terms.inertia.xreplace(given)
+    inertia = "" if inertia == 1 else rf"\left({expression(inertia, system)}\right) "
     left = [inertia + expression(terms.acceleration, system)]
     bent = {e.id(): e for e in described.terms if isinstance(e, Memory) and system.has_rod}
     for owner, added in terms.terms:
@@ -63,7 +67,7 @@ def _one_coordinate(model: Mapping, values: Mapping[str, float]) -> tuple[list[L
             # The static shape has the bending (1 - s) delta.
             written = [effect_formulas.along_the_rod("1 - s", *written)]
         left += written
-    drive = terms.drive.subs(sp.Symbol("g", real=True), 0) if undriven(model) else terms.drive
+    drive = (terms.drive.subs(sp.Symbol("g", real=True), 0) if undriven(model) else terms.drive).xreplace(given)
     found = [LatexLine("Equation of motion", f"{in_sum(*left)} = {expression(drive, system)}", needed=True)]
     told: list[Effect] = [e for e in described.terms if isinstance(e, Mode)]
     found += [LatexLine(mode.title(), effect_formulas.mode_formula(mode, drive)) for mode in told]
