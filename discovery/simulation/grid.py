@@ -51,13 +51,18 @@ class Grid:
         step: float,
         method: Method = CLASSICAL,
         pace: Pace | None = None,
+        beyond: float = 0.0,
     ) -> Grid:
-        """Return a grid with steps of at most `step` [s] from the first to the last of `time`, shorter at a pace."""
+        """Return a grid with steps of at most `step` [s] from the first to the last of `time`, shorter at a pace.
+
+        It ends later by the share `beyond` of that: there an instrument that is early reads its last outputs.
+        """
         start, end = float(time[0]), float(time[-1])
+        after = [end + beyond * (end - start)] if beyond > 0.0 else []
         kinks = np.empty(0) if drive is None else _breaks(drive, time.size)
         # Two kinks nearer than a millionth of the step are one.
         inner = kinks[(kinks > start) & (kinks < end)]
-        knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end]])
+        knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end], after])
         shown = knots if pace is None else pace.shown(knots)
         counts = np.maximum(1, np.ceil(np.diff(shown) / step - 1e-9)).astype(int)
         edges = np.concatenate(

@@ -37,6 +37,8 @@ def _threads() -> int:
 THREADS = _threads()
 
 
+#: Steps go on by this share of a recording where an instrument may be early; the kernel takes those that it reads.
+_BEYOND = 0.1
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
 
@@ -104,7 +106,7 @@ class Simulator:
         self.drive = drive
         self.time = np.asarray(time, float)
         self.step, self.pace, self.at_rest = step, pace, at_rest
-        self.grid = Grid.build(self.time, drive, step, self.kernel.method, pace)
+        self.grid = self._steps()
         self.names = self.kernel.program.parameters
         shape = self.time.size, len(self.kernel.program.reading)
         self._plain = Misses(0, np.zeros(shape), np.ones(shape))
@@ -113,8 +115,12 @@ class Simulator:
         """Return the same simulator with steps shortened by `factor`."""
         other = copy(self)
         other.step = self.step * factor
-        other.grid = Grid.build(self.time, self.drive, other.step, self.kernel.method, self.pace)
+        other.grid = other._steps()
         return other
+
+    def _steps(self) -> Grid:
+        beyond = 0.0 if self.kernel.program.lateness == 0 else _BEYOND
+        return Grid.build(self.time, self.drive, self.step, self.kernel.method, self.pace, beyond)
 
     def until(self, count: int) -> Simulator:
         """Return the same simulator that ends with the first outputs, on the same steps."""
