@@ -14,6 +14,8 @@ from discovery.foundation.arrays import FloatArray
 
 #: How many widths the nodes of a quadrature reach, and how many scales of a heavy tail.
 _REACH, _FAR = 10.0, 1e6
+#: Of a width, over which a slope is taken.
+_NEAR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,18 @@ class Prior:
     def width_at(self, x: float) -> float:
         """Return the width at a value: that of a prior of scales, or with a heavy tail, grows with it."""
         return self.width
+
+    def peak_at(self, x: float) -> tuple[float, float]:
+        """Return centre and log density there of the Gaussian of `width_at` that has this value and slope at `x`.
+
+        The centre is NaN where there is none: without a preference, and on the edge of the support.
+        """
+        width = self.width_at(x)
+        before, here, after = self.log_density(np.array([x - _NEAR * width, x, x + _NEAR * width]))
+        slope = (after - before) / (2 * _NEAR * width)
+        if not self.is_proper or not np.isfinite(slope):
+            return math.nan, float(here)
+        return x + float(slope) * width**2, float(here) + 0.5 * float(slope * width) ** 2
 
     def scaled(self, unit: float) -> Self:
         """Return the prior of the parameter in another unit, of which one of its own makes so many."""

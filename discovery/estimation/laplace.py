@@ -45,8 +45,8 @@ class Prior:
 
     mean: FloatArray  # (p,), where the Gaussian ones have their mean
     precision: FloatArray  # (p, p), inverse covariance, of other priors from their widths
-    pull: FloatArray  # (p, p), the part of it that is Gaussian: others are flat on the scale of the posterior
-    log_density: float  # at the linearisation, that of the Gaussian ones at their mean
+    pull: FloatArray  # (p, p), the part of it that has a mean: others are flat on the scale of the posterior
+    log_density: float  # at the means, else at the linearisation
     #: low, high, frozen: as for a belief.
     low: FloatArray
     high: FloatArray
@@ -183,9 +183,9 @@ def _forms(gram, pull, mean, step, triangles, size):
 class Belief:
     """What is believed of every parameter before the recordings."""
 
-    log_density: FloatArray  # (p,), logarithm of each prior at the linearisation; of what the rig states, at its mean
+    log_density: FloatArray  # (p,), logarithm of each prior at its centre, else at the linearisation
     width: FloatArray  # (p,), width of each prior
-    centre: FloatArray  # (p,), mean of what the rig states less the linearisation, NaN elsewhere
+    centre: FloatArray  # (p,), its mean less the linearisation, NaN where it has none
     #: low, high (p,): bounds less the linearisation.
     low: FloatArray
     high: FloatArray
@@ -202,10 +202,10 @@ def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequen
             width.append(sd)
             centre.append(mean - value)
             continue
-        own, density = prior.width_at(value), float(prior.log_density(value))
+        own, (peak, density) = prior.width_at(value), prior.peak_at(value)
         log.append(max(density, -1e3) if prior.is_proper else -np.log(own * np.sqrt(2 * np.pi)))
         width.append(own)
-        centre.append(np.nan)
+        centre.append(peak - value)
     sizes = [*(state.width for state in problem.states), *more]
     log += [-np.log(s * np.sqrt(2 * np.pi)) for s in sizes]
     low, high = problem.bounds
