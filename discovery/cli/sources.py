@@ -53,6 +53,8 @@ def init(
     place = recordings[0].parent / "rig.toml" if out is None else out
     if os.path.exists(place):
         raise InputError(f"{place} is there already. Change it, or name another file with --out.")
+    if time is not None and rate is not None:
+        raise InputError("--time names a column of times and --rate says that there is none: give one of both.")
     chosen = {"time": time, "input": given, "output": output}
     writable(place.parent)
     text, unused = drafted(recordings, place.parent, holdout=holdout, kind=kind, rate=rate, chosen=chosen)

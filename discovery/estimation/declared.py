@@ -91,9 +91,10 @@ def declared_model(experiment: Experiment | Dataset) -> Model:
             "`make_experiment(recording, rig)`, or take one of `load_dataset(rig_path, recordings).train`."
         )
     unit = experiment.coordinate_unit
-    for effect in experiment.rig.declared:
-        if get_effect(effect).angular and not experiment.system.has_rod and unit != "rad":
-            raise InputError(f"Effect {effect} needs an angle in rad, but the coordinate is in {unit}.")
+    for law in map(get_effect, experiment.rig.declared):
+        # Whether a place is an angle its declaration says, whatever is read.
+        if law.angular and not (law.place or experiment.system.has_rod) and unit != "rad":
+            raise InputError(f"Effect {law.id()} needs an angle in rad, but the coordinate is in {unit}.")
     return Model(experiment.rig.base, tuple(experiment.rig.declared), known_values(experiment))
 
 

@@ -43,7 +43,8 @@ def parse_text(
     Commas, semicolons, tabs or runs of blanks separate the columns; lines that begin with ``#`` or ``%`` are comments,
     and lines without anything in their cells are passed over.
     Where no comma separates columns, numbers may have a decimal comma. Where the first row holds numbers, the comment
-    above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above all of it.
+    above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above all of it, and a
+    line of units below the names.
 
     Raises InputError if the file is no table: empty, without names or with names given twice, or with rows that do not
     have the cells that the names ask for.
@@ -66,6 +67,9 @@ def parse_text(
     top = ""
     if header is None and not told:
         top, rows, lines = rows[0], rows[1:], lines[1:]
+        if units := _units_below(rows, separator, len(names)):
+            names = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+            rows, lines = rows[1:], lines[1:]
     if not rows:
         raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
     _check_cells(path, lines, rows, separator, len(names), top)
@@ -86,7 +90,9 @@ def unnamed_columns(path: Path) -> tuple[str, ...]:
     rows = [every[number] for number in numbers[titles : titles + 2]]
     separator = _separator(rows, None)
     cells = _cells(rows[0], separator)
-    named = not all(map(_is_either_number, cells)) or _commented_names(every[: numbers[titles]], separator, cells)
+    # There may be a mark behind the last column.
+    numbered = all(map(_is_either_number, cells[:-1] if cells[-1] == "" else cells))
+    named = not numbered or _commented_names(every[: numbers[titles]], separator, cells)
     return () if named else tuple(f"c{number}" for number in range(1, len(cells) + 1))
 
 
@@ -150,6 +156,13 @@ def _commented_names(above: Sequence[str], separator: str, first: Sequence[str])
                 return [f"{name} {unit}" for name, unit in zip(names, units, strict=True)] if units else names
             units = names
     return units
+
+
+def _units_below(rows: Sequence[str], separator: str, columns: int) -> list[str]:
+    """Return the words of a line between the names of columns and a first row of numbers: their units, if there are."""
+    words, first = (_cells(row, separator) for row in rows[:2]) if len(rows) > 1 else ([], [])
+    told = len(words) == columns > 1 and all(words) and not any(map(_is_either_number, words))
+    return [word.strip("[]()") for word in words] if told and all(map(_is_either_number, first)) else []
 
 
 def _decimal(rows: Sequence[str], separator: str) -> str:
