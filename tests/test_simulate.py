@@ -290,7 +290,7 @@ def test_a_step_in_one_loop_is_that_in_stages(monkeypatch: pytest.MonkeyPatch) -
     effects = ("viscous_damping", "linear_stiffness", "cubic_stiffness")
     fused = Simulator("constant_radius", effects, time, drive, step=0.02)
     monkeypatch.setattr("discovery.simulation.kernel.source._SHORT", 0)
-    text = kernel_source(fused.kernel.program, 32, {})
+    text = kernel_source(fused.kernel.program, fused.kernel.lanes, {})
     assert "for stage in range(5)" in text
     namespace: dict = {}
     exec(compile(text.replace("cache=True, ", ""), "kernel", "exec"), namespace)
