@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.stats import multivariate_normal
 
+from discovery.declarations.priors import HalfStudent, Normal, Prior, Student
 from discovery.estimation.laplace import Belief, bounded_step
 from discovery.estimation.log_evidence import Linearised, constant_score, evidence_of
 from discovery.estimation.model_error import Channel
@@ -259,3 +260,24 @@ def test_a_hold_out_is_missed_where_the_estimate_leaves_more_than_noise(second: 
     found = evidence_of(problem(SLOPES, SLOPES @ [0.5, -1.0] + drawn(0.0, 7), held=held))
     assert found.misses is missed
     assert found.chi2_ahead > found.chi2_held
+
+
+@pytest.mark.parametrize("prior", [Normal(0.3, 2.0), Student(0.5), HalfStudent(0.5)], ids=lambda p: p.law)
+@pytest.mark.parametrize("x", [0.2, 3.0, 40.0])
+def test_a_prior_pulls_as_its_slope_says(prior: Prior, x: float) -> None:
+    """A Gaussian of the width at a value has the slope there that the prior has, about its centre."""
+    near = np.array([-1e-4, 1e-4]) * x
+    slope = np.diff(prior.log_density(x + near))[0] / np.diff(near)[0]
+    assert (prior.centre - x) / prior.width_at(x) ** 2 == pytest.approx(slope, rel=1e-4)
+
+
+@pytest.mark.parametrize("along", [0.0, 5.0, -8.0])
+def test_where_a_fit_ends_between_two_parameters_that_do_the_same_costs_nothing(along: float) -> None:
+    slopes = np.column_stack([SLOPES[:, 0], SLOPES[:, 0]])
+    y = slopes @ [0.5, 0.5] + drawn(0.0, 3)
+    own = belief(np.full(2, 3.0))
+    at = np.array([along, -along])
+    moved = Belief(own.log_density, own.width, own.centre - at, own.low, own.high, own.frozen)
+    found = Linearised([Channel(TIME, np.column_stack([-slopes, y]))], [], moved, 2, NATURAL, 0.15).mode(0.0)
+    assert found.log_evidence == pytest.approx(problem(slopes, y).mode(0.0).log_evidence, abs=1e-6)
+    assert at + found.step == pytest.approx(problem(slopes, y).mode(0.0).step, abs=1e-6)

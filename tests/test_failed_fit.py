@@ -75,7 +75,7 @@ def test_a_declaration_that_runs_away_is_answered(
     assert "failed: the declared system runs away" in said
     assert "remedy: check the signs" in said
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "runs away from rest" in page
+    assert "runs away by itself" in page
     assert "Check the signs" in page
     assert not (out / "manoeuvre_1.csv").exists()
     assert "unexplained" in build_index(out.parent).read_text(encoding="utf-8")

@@ -48,3 +48,14 @@ def test_an_even_pace_is_that_of_shorter_steps() -> None:
     time = np.linspace(0.0, 4.0, 41)
     paced = Grid.build(time, None, 0.1, pace=Pace.of(np.array([0.0, 1.0, 4.0]), np.full(2, 0.5)))
     np.testing.assert_allclose(paced.times, Grid.build(time, None, 0.05).times, atol=1e-12)
+
+
+@given(SHARES, st.floats(0.03, 0.6))
+def test_steps_beyond_the_last_output_change_none_before_it(shares: list[float], step: float) -> None:
+    pace, time = Pace.of(np.linspace(0.0, 4.0, len(shares) + 1), np.array(shares)), np.linspace(0.0, 4.0, 41)
+    plain, longer = (Grid.build(time, None, step, pace=pace, beyond=share) for share in (0.0, 0.1))
+    n = plain.times.size
+    np.testing.assert_allclose(longer.times[:n], plain.times, atol=1e-12)
+    np.testing.assert_allclose(longer.times[n], 4.0)
+    np.testing.assert_allclose(longer.times[-1] + longer.steps[-1], 4.4)
+    np.testing.assert_array_equal(longer.out_step, plain.out_step)

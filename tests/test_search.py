@@ -248,6 +248,7 @@ def odds(**changed: float) -> Odds:
         ({"train": 2.0}, "training"),
         ({"held": -1.0}, "accepted"),
         ({"held": -2.0}, "held_out"),
+        ({"train": 4.0, "held": -1.4}, "held_out"),
         ({"ahead": 1.0}, "held_out"),
         ({"against_error": 1.0}, "size"),
         ({"train": -np.inf}, "finite"),

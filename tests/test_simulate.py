@@ -611,3 +611,12 @@ def test_effects_of_other_packages_are_never_kept_on_disk(tmp_path: Path, monkey
     for _ in range(2):
         compile_kernel.__wrapped__("oscillator", ("linear_stiffness", "quadratic_drag"))
     assert len(written) == 2
+
+
+def test_an_instrument_that_is_early_reads_what_a_free_motion_goes_on_to_do() -> None:
+    time = np.linspace(0.0, 4.0, 81)
+    simulate = Simulator("oscillator", ("linear_stiffness", "sensor_delay"), time, None, step=0.01)
+    given = {"alpha": 9.0, "tau": -0.3}
+    values = np.array([[given.get(name, 0.0)] for name in simulate.names])
+    read = simulate(values, np.ones(1), np.zeros(1))[:, 0, 0]
+    np.testing.assert_allclose(read, np.cos(3.0 * (time + 0.3)), atol=1e-6)

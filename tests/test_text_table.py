@@ -279,3 +279,28 @@ def test_a_first_row_like_the_others_is_no_line_of_names(tmp_path: Path, row: st
     else:
         with pytest.raises(InputError, match="holds numbers, not column names"):
             read_table(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("x-axis,1\nsecond,Volt\n0,1\n1,2\n", ["x-axis [second]", "1 [Volt]"]),
+        ("t,y\n[s],[mm]\n0,1\n1,2\n", ["t [s]", "y [mm]"]),
+        ("t [s],y (mm)\ns,mm\n0,1\n1,2\n", ["t [s]", "y (mm)"]),
+    ],
+)
+def test_units_may_stand_below_names(tmp_path, text, columns):
+    found, lines = parse_text(tmp_path / "r.csv", text)
+    assert list(found) == columns
+    assert lines.tolist() == [3, 4]
+
+
+@pytest.mark.parametrize("row", ["overflow,overflow", "t,y", "n/a,off"])
+def test_words_that_are_no_units_are_no_names(tmp_path, row):
+    found, _ = parse_text(tmp_path / "r.csv", f"t,y\n{row}\n0,1\n1,2\n")
+    assert list(found) == ["t", "y"]
+
+
+def test_unnamed_columns_may_end_with_a_mark(tmp_path):
+    (tmp_path / "r.csv").write_text("\n0.1,2,\n0.2,3,\n")
+    assert unnamed_columns(tmp_path / "r.csv") == ("c1", "c2", "c3")

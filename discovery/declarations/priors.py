@@ -14,8 +14,6 @@ from discovery.foundation.arrays import FloatArray
 
 #: How many widths the nodes of a quadrature reach, and how many scales of a heavy tail.
 _REACH, _FAR = 10.0, 1e6
-#: Of a width, over which a slope is taken.
-_NEAR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -42,17 +40,10 @@ class Prior:
         """Return the width at a value: that of a prior of scales, or with a heavy tail, grows with it."""
         return self.width
 
-    def peak_at(self, x: float) -> tuple[float, float]:
-        """Return centre and log density there of the Gaussian of `width_at` that has this value and slope at `x`.
-
-        The centre is NaN where there is none: without a preference, and on the edge of the support.
-        """
-        width = self.width_at(x)
-        before, here, after = self.log_density(np.array([x - _NEAR * width, x, x + _NEAR * width]))
-        slope = (after - before) / (2 * _NEAR * width)
-        if not self.is_proper or not np.isfinite(slope):
-            return math.nan, float(here)
-        return x + float(slope) * width**2, float(here) + 0.5 * float(slope * width) ** 2
+    @property
+    def centre(self) -> float:
+        """Where a Gaussian of the width at a value has the slope that the prior has there; NaN where there is none."""
+        return math.nan
 
     def scaled(self, unit: float) -> Self:
         """Return the prior of the parameter in another unit, of which one of its own makes so many."""
@@ -114,6 +105,11 @@ class Normal(Prior):
         """The standard deviation."""
         return self.sd
 
+    @property
+    def centre(self) -> float:
+        """The mean."""
+        return self.mean
+
     def nodes(self, low: float, high: float, count: int) -> FloatArray:
         """Return points as far as the density counts."""
         reach = _REACH * self.sd
@@ -140,6 +136,11 @@ class Student(Prior):
     def width(self) -> float:
         """The scale."""
         return self.scale
+
+    @property
+    def centre(self) -> float:
+        """Zero."""
+        return 0.0
 
     def width_at(self, x: float) -> float:
         """Return that of the Gaussian as steep as the tail there."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -103,7 +104,8 @@ class Chain:
         found = []
         for time, values in ((recording.time, known), (at, blind)):
             drive, pace = self.experiment.drive, self.experiment.pace
-            simulate = Simulator(bench.base, bench.effects, time, drive, step=bench.step, pace=pace)
+            steps = partial(Simulator, step=bench.step, pace=pace, at_rest=recording.at_rest)
+            simulate = steps(bench.base, bench.effects, time, drive)
             column = values_of(simulate.names, bench.base, bench.effects, problem.units, values)[:, None]
             reading = simulate(column, start[:1], start[1:])
             check_finite(reading, time, simulate.names, column)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -42,20 +42,7 @@ class Bench:
     ) -> None:
         self.base, self.effects, self.experiments, self.step = base, tuple(effects), tuple(experiments), step
         self.leap = leap if leap is not None and leaps(base, self.effects) else None
-        longest, method = (step, CLASSICAL) if self.leap is None else (self.leap, dormand_prince())
-        self._whole = [
-            Simulator(
-                base,
-                self.effects,
-                e.recording.time,
-                e.drive,
-                step=longest,
-                method=method,
-                pace=e.pace,
-                at_rest=e.recording.at_rest,
-            )
-            for e in experiments
-        ]
+        self._whole = [self._simulator(e) for e in experiments]
         self._parts = [e.fitted_part for e in self.experiments]
         #: To the last fitted samples.
         self.simulators = [
@@ -77,6 +64,11 @@ class Bench:
             else Misses(0, np.zeros_like(target), np.ones_like(weight))
             for e, target, weight in zip(self._parts, self._targets, self._weights, strict=True)
         ]
+
+    def _simulator(self, e: Experiment) -> Simulator:
+        longest, method = (self.step, CLASSICAL) if self.leap is None else (self.leap, dormand_prince())
+        steps = partial(Simulator, step=longest, method=method, pace=e.pace, at_rest=e.recording.at_rest)
+        return steps(self.base, self.effects, e.recording.time, e.drive)
 
     @classmethod
     def like(cls, other: Bench, step: float) -> Bench:

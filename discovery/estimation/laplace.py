@@ -1,8 +1,9 @@
 """Laplace's method for the parameters of a linearised model under one size of the model error.
 
-The posterior is Gaussian around the generalised least squares estimate, within bounds. The size of the white noise is
-that of the highest likelihood, never below what is stated (MacKay, Information Theory, Inference and Learning
-Algorithms, 2003, chapter 27).
+The posterior is Gaussian around the generalised least squares estimate, within bounds, and drawn towards the centres of
+priors that have one: of two parameters that do the same, only these tell where between them a fit ends. The size of the
+white noise is that of the highest likelihood, never below what is stated (MacKay, Information Theory, Inference and
+Learning Algorithms, 2003, chapter 27).
 """
 
 from __future__ import annotations
@@ -43,9 +44,9 @@ class Mode:
 class Prior:
     """What is believed of the parameters of a linear problem."""
 
-    mean: FloatArray  # (p,), where the Gaussian ones have their mean
+    mean: FloatArray  # (p,), where those that have one have their centre
     precision: FloatArray  # (p, p), inverse covariance, of other priors from their widths
-    pull: FloatArray  # (p, p), the part of it that has a mean: others are flat on the scale of the posterior
+    pull: FloatArray  # (p, p), the part of it that has a centre: others are flat on the scale of the posterior
     log_density: float  # at the means, else at the linearisation
     #: low, high, frozen: as for a belief.
     low: FloatArray
@@ -202,10 +203,12 @@ def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequen
             width.append(sd)
             centre.append(mean - value)
             continue
-        own, (peak, density) = prior.width_at(value), prior.peak_at(value)
+        own, density = prior.width_at(value), float(prior.log_density(value))
+        if np.isfinite(prior.centre):
+            density += 0.5 * ((value - prior.centre) / own) ** 2
         log.append(max(density, -1e3) if prior.is_proper else -np.log(own * np.sqrt(2 * np.pi)))
         width.append(own)
-        centre.append(peak - value)
+        centre.append(prior.centre - value)
     sizes = [*(state.width for state in problem.states), *more]
     log += [-np.log(s * np.sqrt(2 * np.pi)) for s in sizes]
     low, high = problem.bounds

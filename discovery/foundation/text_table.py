@@ -33,6 +33,7 @@ _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 #: Units as headers have them below their names.
 _UNIT = re.compile(r"[\[(].*[\])]|-+")
+_OF_TIME = {"s", "ms", "us", "min", "sec", "msec", "second", "seconds"}
 
 
 def parse_text(
@@ -43,8 +44,8 @@ def parse_text(
     Commas, semicolons, tabs or runs of blanks separate the columns; lines that begin with ``#`` or ``%`` are comments,
     and lines without anything in their cells are passed over.
     Where no comma separates columns, numbers may have a decimal comma. Where the first row holds numbers, the comment
-    above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above all of it, and a
-    line of units below the names.
+    above it may name the columns, and so may `header`, from left to right. Lines of titles may stand above all of it,
+    and a line of units, that of time among them, below the names.
 
     Raises InputError if the file is no table: empty, without names or with names given twice, or with rows that do not
     have the cells that the names ask for.
@@ -68,7 +69,8 @@ def parse_text(
     if header is None and not told:
         top, rows, lines = rows[0], rows[1:], lines[1:]
         if units := _units_below(rows, separator, len(names)):
-            names = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+            named = zip(names, units, strict=True)
+            names = [name if re.search(rf"\b{re.escape(unit)}\b", name) else f"{name} [{unit}]" for name, unit in named]
             rows, lines = rows[1:], lines[1:]
     if not rows:
         raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
@@ -159,10 +161,11 @@ def _commented_names(above: Sequence[str], separator: str, first: Sequence[str])
 
 
 def _units_below(rows: Sequence[str], separator: str, columns: int) -> list[str]:
-    """Return the words of a line between the names of columns and a first row of numbers: their units, if there are."""
+    """Return the units in a line between the names of columns and a first row of numbers, one of them that of time."""
     words, first = (_cells(row, separator) for row in rows[:2]) if len(rows) > 1 else ([], [])
-    told = len(words) == columns > 1 and all(words) and not any(map(_is_either_number, words))
-    return [word.strip("[]()") for word in words] if told and all(map(_is_either_number, first)) else []
+    units = [word[1:-1] if _UNIT.fullmatch(word) and len(word) > 2 else word for word in words]
+    told = len(units) == columns > 1 and all(units) and any(unit.lower() in _OF_TIME for unit in units)
+    return units if told and not any(map(_is_either_number, units)) and all(map(_is_either_number, first)) else []
 
 
 def _decimal(rows: Sequence[str], separator: str) -> str:

@@ -108,6 +108,6 @@ def _autocorrelation_times(values: FloatArray) -> FloatArray:
             # Lags of which few pairs are left are noise, but the window ends before.
             correlation = irfft(power, size)[:steps] / (np.arange(steps, 0, -1) * variance)
         sums = 2.0 * np.cumsum(correlation) - 1.0
-        long_enough = np.arange(steps) >= _WINDOW * sums
+        long_enough = (np.arange(steps) >= _WINDOW * sums) & (sums > 0)
         times.append(sums[np.argmax(long_enough)] if long_enough.any() else sums[-1])
     return np.maximum(times, 1.0)

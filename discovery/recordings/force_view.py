@@ -8,11 +8,12 @@ import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.sampling import mean_rate
+from discovery.foundation.sampling import gaps, mean_rate, median_step
 from discovery.rigs.rig import ForceView
 
 _ORDER = 4
 _EVEN = 0.01  # of a step, by which others may differ
+_SHORT = 0.5  # of a step: through times that are nearer than that a spline swings
 _SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
 _SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves disturb
 
@@ -21,6 +22,11 @@ def is_even(time: FloatArray) -> bool:
     """Return whether the steps between times are equal, up to a hundredth."""
     steps = np.diff(time)
     return bool(np.max(np.abs(steps - steps.mean())) <= _EVEN * steps.mean())
+
+
+def can_be_evened(time: FloatArray) -> bool:
+    """Return whether steps between times are alike enough for splines: none half as long again, none half as long."""
+    return not gaps(time).any() and bool(np.diff(time).min() > _SHORT * median_step(time))
 
 
 def evened(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[FloatArray, dict[str, FloatArray]]:

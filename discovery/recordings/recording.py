@@ -13,12 +13,20 @@ from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.sampling import gaps, median_step
+from discovery.foundation.sampling import median_step
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.cleaning import cleaned, timed
 from discovery.recordings.file_signals import ARM_STEMS, Signals
 from discovery.recordings.flags import REPEATED, Flag
-from discovery.recordings.force_view import evened, force_samples, is_even, noise_gain, sampling_rate, zero_phase
+from discovery.recordings.force_view import (
+    can_be_evened,
+    evened,
+    force_samples,
+    is_even,
+    noise_gain,
+    sampling_rate,
+    zero_phase,
+)
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise
@@ -193,8 +201,7 @@ def read_recording(
     check_signals(found, rig.traits.fewest)
     jitter, late = timed(rig, found, noise, stated, bands, repeats)
     if rig.view is not None and found.inputs is not None:
-        noise, told = _viewed(rig.view, found, noise)
-        flags += told
+        noise = _viewed(rig.view, found, noise, flags)
     missing = np.full(found.time.size, np.nan)
     return Recording(
         name=name or found.table.path.stem,
@@ -237,21 +244,18 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     return [*flags, *time_flags(found.time, rig.columns.time, marks=marks), *odd]
 
 
-def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> tuple[list[float], list[Flag]]:
-    """Turn motion and force into what the view shows, the force with gaps.
-
-    Returned: the noise that is left, and what is told.
-    """
+def _viewed(view: ForceView, found: Signals, noise: Sequence[float], flags: list[Flag]) -> list[float]:
+    """Turn motion and force into what the view shows, the force with gaps; return the noise that is left."""
     assert found.inputs is not None
-    told = []
-    if not is_even(found.time) and not gaps(found.time).any() and not any(map(_has_gaps, found.outputs.values())):
+    if not is_even(found.time) and can_be_evened(found.time) and not any(map(_has_gaps, found.outputs.values())):
         found.time, signals = evened(found.time, {"input": found.inputs, **found.outputs})
         found.inputs, found.outputs = signals.pop("input"), signals
-        told.append(Flag("evened", numbers={"step": median_step(found.time)}))
+        flags[:] = [flag for flag in flags if flag.code != "times_irregular"]
+        flags.append(Flag("evened", numbers={"step": median_step(found.time)}))
     rate = sampling_rate(found.time, found.source)
     found.inputs = zero_phase(found.inputs, rate, view.motion_cutoff)
     if not found.outputs:
-        return list(noise), told
+        return list(noise)
     force = found.outputs["output"]
     if _has_gaps(force):
         raise InputError(
@@ -260,7 +264,7 @@ def _viewed(view: ForceView, found: Signals, noise: Sequence[float]) -> tuple[li
         )
     used = force_samples(view, found.time, rate)
     found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
-    return [noise_gain(rate, view.cutoff) * value for value in noise], told
+    return [noise_gain(rate, view.cutoff) * value for value in noise]
 
 
 def _has_gaps(values: FloatArray) -> bool:

@@ -97,7 +97,7 @@ def failed_loop(dataset: Dataset, failure: ComputationError) -> FailedLoop:
 def _growth(dataset: Dataset, model: Model, units: NaturalUnits) -> float:
     """Return the fastest rate at which a small motion grows, at the guesses of the declaration [1/s].
 
-    About rest, and about the middle of the first recording: a levitated body has no rest without its input.
+    About rest, else about the middle of the first recording: a levitated body has no rest without its input.
     """
     system = dataset.rig.system
     own = {} if system is None else {x.name: v for x, v in system_base(system).guess.items()}
@@ -106,15 +106,14 @@ def _growth(dataset: Dataset, model: Model, units: NaturalUnits) -> float:
     }
     first = dataset.train[0]
     held = 0.0 if first.recording.input is None else float(np.nanmedian(first.recording.input))
-    found = [0.0]
-    for point in ({}, {"deflection": float(np.nanmedian(first.deflection)), "held": held}):
+    for point, force in ((None, 0.0), (float(np.nanmedian(first.deflection)), held)):
         try:
-            matrix = linearise(model, {**values, **model.known}, **point).a
+            matrix = linearise(model, {**values, **model.known}, deflection=point, held=force).a
         except InputError:
             continue
-        if np.isfinite(matrix).all():
-            found.append(float(np.linalg.eigvals(matrix).real.max()))
-    return max(found)
+        if np.isfinite(matrix).all() and (growth := float(np.linalg.eigvals(matrix).real.max())) > 0:
+            return growth
+    return 0.0
 
 
 def gather_failed_loop(folder: Path, loop: FailedLoop, seed: int, *, note: str = "") -> None:

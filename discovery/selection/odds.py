@@ -1,10 +1,10 @@
 """Whether a set of effects takes the place of a smaller one: the one rule of the search.
 
 An effect is accepted by its log odds, the smallest of three: the evidence that it gains in training; what it gains
-there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a in
-the direction of any one effect, so one that moves it by s has log odds of (s / (form x a))^2 / 2; where none is
-likelier, those odds count beside. It must also move more than accepted laws may leave, a share of what they moved.
-Held out it must gain half the nats by the estimate, and over its intervals not lose them; it stays until it does.
+there and held out; and the odds against model error. An error of size a is expected to move the residual by form x a
+in any one direction, so an effect that moves it by s has log odds of (s / (form x a))^2 / 2; where none is likelier,
+those odds count beside. It must also move more than accepted laws may leave, a share of what they moved. Held out it
+must gain half the nats by the estimate, and not lose them over its intervals; it stays until either does.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from discovery.selection.contender import Contender
 from discovery.selection.decision import Candidacy
 from discovery.selection.settings import LoopSettings
 
-#: Part of the nats that is asked held out, and that what was accepted may lose there.
-HELD = 0.5
+HELD = 0.5  #: Part of the nats that is asked held out, and that what was accepted may lose there.
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Odds:
 
     @property
     def predicted(self) -> float:
-        """What the held-out recordings gain by either score."""
+        """What the held-out recordings gain by both scores."""
         return min(self.held, self.ahead)
 
     @property
@@ -54,7 +53,8 @@ class Odds:
             return "accepted" if self.train + self.held > 0 else "finite"
         if self.train < settings.nats:
             return "training"
-        if self.ahead < least * settings.nats or self.held < min(least, -HELD) * settings.nats:
+        joint = least > 0 and self.train + self.held < settings.nats
+        if joint or self.ahead < least * settings.nats or self.held < min(least, -HELD) * settings.nats:
             return "held_out"
         return "accepted" if self.against_error >= settings.nats else "size"
 

@@ -83,7 +83,8 @@ class Grid:
                 values[:, k] = drive.evaluate(times + node * steps, side="right").T
             values[:, -1] = drive.evaluate(edges[1:], side="left").T
             out_drive[:] = drive.evaluate(time, side="right").T
-        out_step = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, times.size - 1)
+        within = int(counts[: counts.size - len(after)].sum())
+        out_step = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, within - 1)
         fraction = np.clip((time - times[out_step]) / steps[out_step], 0.0, 1.0)
         return cls(times, steps, restart, values, out_step, fraction, np.ascontiguousarray(time, float), out_drive)
 

@@ -37,7 +37,7 @@ def _threads() -> int:
 THREADS = _threads()
 
 
-#: Steps go on by this share of a recording where an instrument may be early; the kernel takes those that it reads.
+#: Steps of a free motion go on by this share of a recording where an instrument may be early.
 _BEYOND = 0.1
 #: Readings beyond this many lengths (or this size) count as blown up.
 _LIMIT = 1e9
@@ -119,7 +119,8 @@ class Simulator:
         return other
 
     def _steps(self) -> Grid:
-        beyond = 0.0 if self.kernel.program.lateness == 0 else _BEYOND
+        # How an input goes on is not known.
+        beyond = _BEYOND if self.drive is None and self.kernel.program.lateness != 0 else 0.0
         return Grid.build(self.time, self.drive, self.step, self.kernel.method, self.pace, beyond)
 
     def until(self, count: int) -> Simulator:
