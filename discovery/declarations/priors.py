@@ -42,7 +42,7 @@ class Prior:
 
     @property
     def centre(self) -> float:
-        """Where a Gaussian of the width at a value has the slope that the prior has there; NaN where there is none."""
+        """Mean of a Gaussian prior; NaN of any other."""
         return math.nan
 
     def scaled(self, unit: float) -> Self:
@@ -136,11 +136,6 @@ class Student(Prior):
     def width(self) -> float:
         """The scale."""
         return self.scale
-
-    @property
-    def centre(self) -> float:
-        """Zero."""
-        return 0.0
 
     def width_at(self, x: float) -> float:
         """Return that of the Gaussian as steep as the tail there."""

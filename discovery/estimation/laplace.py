@@ -1,7 +1,7 @@
 """Laplace's method for the parameters of a linearised model under one size of the model error.
 
-The posterior is Gaussian around the generalised least squares estimate, within bounds, and drawn towards the centres of
-priors that have one: of two parameters that do the same, only these tell where between them a fit ends. The size of the
+The posterior is Gaussian around the generalised least squares estimate, within bounds, and drawn towards the means of
+Gaussian priors: of two parameters that do the same, only these tell where between them a fit ends. The size of the
 white noise is that of the highest likelihood, never below what is stated (MacKay, Information Theory, Inference and
 Learning Algorithms, 2003, chapter 27).
 """
@@ -44,9 +44,9 @@ class Mode:
 class Prior:
     """What is believed of the parameters of a linear problem."""
 
-    mean: FloatArray  # (p,), where those that have one have their centre
+    mean: FloatArray  # (p,), where the Gaussian ones have their mean
     precision: FloatArray  # (p, p), inverse covariance, of other priors from their widths
-    pull: FloatArray  # (p, p), the part of it that has a centre: others are flat on the scale of the posterior
+    pull: FloatArray  # (p, p), the part of it that is Gaussian: others are flat on the scale of the posterior
     log_density: float  # at the means, else at the linearisation
     #: low, high, frozen: as for a belief.
     low: FloatArray
