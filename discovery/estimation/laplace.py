@@ -18,6 +18,7 @@ from scipy.linalg import block_diag
 from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf
 from scipy.optimize import lsq_linear
 
+from discovery.declarations.priors import Normal
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
@@ -197,18 +198,12 @@ def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequen
     """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
     log, width, centre = [], [], []
     for name, value, prior in zip(problem.free, x, problem.priors, strict=False):
-        if name in problem.gaussian:
-            mean, sd = problem.gaussian[name]
-            log.append(-np.log(sd * np.sqrt(2 * np.pi)))
-            width.append(sd)
-            centre.append(mean - value)
-            continue
-        own, density = prior.width_at(value), float(prior.log_density(value))
-        if np.isfinite(prior.centre):
-            density += 0.5 * ((value - prior.centre) / own) ** 2
-        log.append(max(density, -1e3) if prior.is_proper else -np.log(own * np.sqrt(2 * np.pi)))
-        width.append(own)
-        centre.append(prior.centre - value)
+        # What the rig states takes the place of what the catalogue believes.
+        own = Normal(*problem.gaussian[name]) if name in problem.gaussian else prior
+        at, spread = value if np.isnan(own.centre) else own.centre, own.width_at(value)
+        log.append(max(float(own.log_density(at)), -1e3) if own.is_proper else -np.log(spread * np.sqrt(2 * np.pi)))
+        width.append(spread)
+        centre.append(own.centre - value)
     sizes = [*(state.width for state in problem.states), *more]
     log += [-np.log(s * np.sqrt(2 * np.pi)) for s in sizes]
     low, high = problem.bounds
