@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -14,8 +15,10 @@ from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.equations.declared_terms import declared_lines
 from discovery.equations.losses import is_passive, same_losses, without_losses
 from discovery.equations.model import Model
+from discovery.estimation.holdout import HoldOut
 from discovery.mechanics.systems import declared_base, system_base
 from discovery.report.results import Run
+from discovery.report.sentences import decision_sentence
 from discovery.report.story import searches
 from discovery.rigs.rig_system import ready_made
 from discovery.selection.search import Search
@@ -51,6 +54,21 @@ def test_a_loss_that_is_there_stays(effects: dict[str, float]) -> None:
     assert search.offers.given_up == frozenset()
     assert "viscous_damping" in search.best.model.effects
     assert search.best.refit.values["xi"] == pytest.approx(0.08, rel=0.2)
+
+
+def test_a_declared_law_gives_way_to_one_that_contains_it() -> None:
+    shared = context(xi=0.05, f_k=0.1, f_b=0.2, v_s=0.3)
+    model = Model("oscillator", ("viscous_damping", "linear_stiffness", "coulomb_friction"))
+    parts = (shared.train, shared.judge.separate)
+    train, held = ([replace(e, rig=replace(e.rig, declared=model.effects)) for e in part] for part in parts)
+    shared = replace(shared, train=train, judge=HoldOut(train, held, shared.units, shared.settings.tolerance))
+    search = Search(shared.fit(model, {"xi": 0.05, "alpha": 9.0, "f_c": 0.03}, {}), shared)
+    search.run()
+    assert (search.offers.given_up, search.best.added) == ({"coulomb_friction"}, ("stribeck_friction",))
+    (step,) = (d for d in search.decisions if d.action == "exchange")
+    assert (step.code, step.effects) == ("contained", ("coulomb_friction", "stribeck_friction"))
+    assert decision_sentence(step.summary()) == "Coulomb friction is contained in Stribeck friction"
+    assert search.best.refit.values["f_k"] == pytest.approx(0.1, rel=0.05)  # held twice, neither would be told
 
 
 def test_losses_that_are_stated_are_not_in_question() -> None:

@@ -134,7 +134,9 @@ def decision_sentence(step: Record) -> str:
     if step["action"] == "mechanics":
         return _mechanics(numbers.get("odds"), accepted=step["accepted"])
     if step["action"] == "exchange":
-        old, new = map(effect_name, step["effects"])
+        old, new = effect_name(step["effects"][0]), listed([effect_name(e) for e in step["effects"][1:]])
+        if code == "contained":
+            return f"{old} is contained in {new}"
         if code != "accepted":
             return f"{old} contains {new}, and has too little beyond it: {_REASONS[code](numbers)}"
         return f"with {new} in the place of {old} the log evidence is {plain(numbers['odds'])} nats higher"
@@ -246,8 +248,7 @@ def _nats(value: float | None) -> str:
     return f"{plain(value)} nats"
 
 
-#: Verdicts by which a model error counts as none.
-AS_NONE = ("nothing_missing", "explained")
+AS_NONE = "nothing_missing", "explained"  #: Verdicts by which a model error counts as none.
 
 
 def model_error_words(loop: Record) -> str:

@@ -140,9 +140,10 @@ class LoopResult(LoopViews):
 
     @property
     def given_up(self) -> list[str]:
-        """Declared losses in whose place an added effect stands."""
-        final = without_losses(self.after.model)
-        return [loss for loss in without_losses(self.before.model) if loss not in final]
+        """Declared laws, or constants that are losses, in whose place an added effect stands."""
+        final = {*without_losses(self.after.model), *self.after.model.effects}
+        contained = {law for e in self.named for law in get_effect(e).reduces_to}.intersection(self.declared)
+        return [law for law in (*without_losses(self.before.model), *contained) if law not in final]
 
     @property
     def impossible(self) -> bool:
@@ -242,7 +243,7 @@ class LoopResult(LoopViews):
         return {
             "id": effect,
             "parameters": parameters,
-            "evidence": found.evidence() if found else {},
+            "evidence": {**found.odds.numbers, **found.force} if found else {},
             "probability": found.probability if found else None,
             "group_probability": found.group_probability if found else None,
             "ambiguous_with": list(found.group if found else ()),

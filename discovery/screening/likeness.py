@@ -63,6 +63,22 @@ def reduced(fitted: Refit, effect: str) -> list[Refit]:
     return found
 
 
+def absorbed(fitted: Refit, law: str) -> Refit:
+    """Return the refit without a law that another of its model contains, from where that has what both held.
+
+    `fitted`: with both. `law`: the one contained.
+    """
+    problem, values, smaller = fitted.problem, dict(fitted.values), get_effect(law)
+    larger = next(e for e in problem.model.terms if law in e.reduces_to)
+    for p in smaller.parameters():
+        twice = [o.name for o in larger.parameters() if (o.unit, o.shape, o.fixed) == (p.unit, p.shape, p.fixed)]
+        if twice and not p.shape:
+            values[twice[0]] += values[p.name]
+    own = Problem(problem.model.without(law), problem.bench, problem.units, problem.gaussian)
+    (minimum,) = fit_problems([own], [own.start(values)], tolerance=1e-6, rough=True)
+    return Refit(larger.id(), own, minimum)
+
+
 def _alike_values(larger: Effect, smaller: Effect, values: Mapping[str, float]) -> dict[str, float]:
     """Return the values of a simpler law's parameters: those of the larger one's of the same unit and kind."""
     used = [p for p in larger.parameters() if values.get(p.name)]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache, partial
+
 import numpy as np
 
+from discovery.declarations.registry import get_effect
 from discovery.equations.losses import is_loss, without_losses
-from discovery.screening.likeness import reduced
+from discovery.screening.likeness import absorbed, reduced
 from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
@@ -23,13 +27,8 @@ class Neighbours:
         self.context, self.offers, self.root = context, offers, root
         self._smaller: dict[object, Contender] = {}
         self._simpler: dict[object, list[Contender]] = {}
-        self._sampled: dict[Contender, Contender] = {}
-
-    def sampled(self, contender: Contender) -> Contender:
-        """Return a set integrated by importance sampling."""
-        if contender not in self._sampled:
-            self._sampled[contender] = integrated(self.context, contender)
-        return self._sampled[contender]
+        #: Returns a set integrated by importance sampling.
+        self.sampled: Callable[[Contender], Contender] = cache(partial(integrated, context))
 
     def affords(self, node: Contender) -> bool:
         """Return whether the catalogue may be tried beside a set: not where that costs far more than at the start."""
@@ -82,9 +81,21 @@ class Neighbours:
         made: dict[str, tuple[Contender, Contender]] = {}
         for loss, model in without_losses(self.root.model).items() if near else ():
             (rest,) = contenders(self.context, [((), relaxed(self.root.refit, model))])
-            sets = contenders(self.context, [(c.added, relaxed(c.refit, without_losses(c.model)[loss])) for c in near])
+            other = [c for c in near if loss not in get_effect(c.added[-1]).reduces_to]
+            sets = contenders(self.context, [(c.added, relaxed(c.refit, without_losses(c.model)[loss])) for c in other])
             for c in [c for c in sets if odds_of(c, rest, rest, settings).code(settings, HELD) == "accepted"][:1]:
                 made[loss] = rest, self._beside(found, c)
+        return made
+
+    def without_contained(self, found: Contender) -> dict[str, tuple[Contender, Contender]]:
+        """Return, for a declared law that a member of a set contains, and so doubles, start and set without it."""
+        twice = {law for e in found.added for law in get_effect(e).reduces_to}.intersection(self.root.model.effects)
+        made = {}
+        for law in sorted(twice):
+            rest = relaxed(self.root.refit, self.root.model.without(law))
+            sets = (((), rest), (found.added, absorbed(found.refit, law)))
+            (start,), (less,) = (contenders(self.context, [own]) for own in sets)
+            made[law] = start, self._beside(found, less)
         return made
 
     def _beside(self, found: Contender, other: Contender) -> Contender:

@@ -38,11 +38,6 @@ class Odds:
         return min(self.train, self.train + self.held, self.against_error)
 
     @property
-    def predicted(self) -> float:
-        """What the held-out recordings gain by both scores."""
-        return min(self.held, self.ahead)
-
-    @property
     def numbers(self) -> dict[str, float]:
         """All of it, for the record of a decision."""
         return {**asdict(self), "odds": self.total}

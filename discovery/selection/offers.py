@@ -130,7 +130,7 @@ class Offers:
         rows = larger.refit.problem.bench.n_rows
         both = np.column_stack([c.refit.minimum.residual[:rows] for c in (smaller, larger)])
         before, left = np.square(self._white(larger)(both)).sum(axis=0)
-        beyond = odds.predicted - HELD * self.context.settings.nats
+        beyond = min(odds.held, odds.ahead) - HELD * self.context.settings.nats
         gain = before - left + 2 * max(min(odds.train, beyond), 0.0)
         return bool(gain <= self.chance(smaller, larger))
 

@@ -22,8 +22,7 @@ from discovery.selection.unknown import Unknown, unknown_force
 
 #: Contenders that are tried in the order of their evidence; records of a decision.
 _TRIED, _TOLD = 3, 12
-#: A refused effect that gains so many times the nats of an accepted one may be half of a pair.
-_WORTH = 10.0
+_WORTH = 10.0  #: A refused effect that gains so many times the nats of an accepted one may be half of a pair.
 
 
 class Search:
@@ -77,17 +76,18 @@ class Search:
             step()
 
     def _give_up_a_loss(self) -> bool:
-        """Let an effect take the place of a declared loss where it serves better."""
-        declared = {} if self._leaves_noise() else self.neighbours.without_losses(self.best)
+        """Let an effect take the place of a declared law that it contains, or of a loss where it serves better: True."""
+        doubled = self.neighbours.without_contained(self.best)
+        declared = doubled or ({} if self._leaves_noise() else self.neighbours.without_losses(self.best))
         odds = {n: between_rivals(c, self.best, self.context.settings) for n, (_, c) in declared.items()}
-        if not max(odds.values(), default=0.0) > self.context.settings.nats:
+        loss, code = max(odds, key=lambda n: odds[n], default=""), "contained" if doubled else "accepted"
+        if not (doubled or (loss and odds[loss] > self.context.settings.nats)):
             return False
-        loss = max(odds, key=lambda n: odds[n])
         root, self.best = declared[loss]
-        self.decisions.append(Decision("exchange", (loss, *self.best.added), True, "accepted", {"odds": odds[loss]}))
+        self.decisions.append(Decision("exchange", (loss, *self.best.added), True, code, {"odds": odds[loss]}))
         self.offers = Offers(self.context, same_losses(self.root.model, loss))
         self.neighbours = Neighbours(self.context, self.offers, root)
-        return True
+        return not doubled  # which was settled with it
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
@@ -124,7 +124,7 @@ class Search:
         It is not where it loses more than the nats, or so many, on what is held out: it would predict worse.
         """
         before, most = self.best, self.context.settings.nats if held is None else held
-        nested = {e: near for e in before.added if (near := get_effect(e).reduces_to)}
+        nested = {e: near for e in before.added if (near := get_effect(e).reduces_to - self.offers.given_up)}
         for effect, near in nested.items():
             rest = self.neighbours.without(self.best, effect)
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]

@@ -48,10 +48,6 @@ class Named:
     force: Mapping[str, float]
     doubtful: bool
 
-    def evidence(self) -> dict[str, float]:
-        """Return the numbers of the report."""
-        return {**self.odds.numbers, **self.force}
-
 
 def least_error(contender: Contender, root: Contender, context: Context) -> float:
     """Return the model error up to which a set counts as complete [noise sds].
