@@ -84,14 +84,16 @@ class Bench:
         """Return the bench of other recordings, whose motions are not known: on the shortest steps of these."""
         return Bench(self.base, self.effects, experiments, self.shortest)
 
-    def predict(self, parameters: FloatArray, initial: FloatArray) -> list[FloatArray]:
-        """Return simulated channels of every experiment to the end of its recording, each (n, c, k).
+    def predict(self, parameters: FloatArray, initial: FloatArray, some: slice = slice(None)) -> list[FloatArray]:
+        """Return simulated channels of every experiment, or of `some`, to the end of its recording, each (n, c, k).
 
         `parameters` (p, k): in the order of `names`. `initial` (experiments, 2 + own, k): initial deflection and rate
         in every experiment, and the values of `own`.
         """
-        asked = [s.asked(*self.started(parameters, own)) for s, own in zip(self._whole, initial, strict=True)]
-        return [e.channels(read) for e, (read, _) in zip(self.experiments, simulate.simulated(asked), strict=True)]
+        runs = zip(self._whole[some], initial[some], strict=True)
+        asked = [s.asked(*self.started(parameters, own)) for s, own in runs]
+        read = simulate.simulated(asked)
+        return [e.channels(out) for e, (out, _) in zip(self.experiments[some], read, strict=True)]
 
     def residuals(
         self, parameters: FloatArray, initial: FloatArray, motions: Sequence[FloatArray] | None = None

@@ -170,12 +170,16 @@ class HoldOut:
         return [(e, np.isfinite(e.recording.output) & ~(self.continued & (e.weights() > 0))) for e in some]
 
     @cached_property
+    def places(self) -> list[tuple[int, BoolArray]]:
+        """Return the numbers of the `parts` with readings that decide, and which of their readings do."""
+        return [(i, present) for i, (_, present) in enumerate(self.parts) if present.any()]
+
+    @cached_property
     def constants(self) -> list[Constant]:
         """Return what the mean of each channel leaves of every recording with readings that decide."""
         found = []
-        for e, present in self.parts:
-            if not present.any():
-                continue
+        for i, present in self.places:
+            e = self.parts[i][0]
             read, whole = e.recording.output / e.recording.scatter, np.isfinite(e.recording.output)
             apart = (read - np.nanmean(np.where(whole, read, np.nan), axis=0))[:, :, None]
             every, held = (Channel.each(e.recording.time, apart, part) for part in (whole, present))

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from discovery.estimation.held_motion import HeldMotion
 from discovery.estimation.laplace import Belief, Mode, Prior, mode_of
 from discovery.estimation.model_error import Channel, ModelError
 from discovery.foundation.arrays import FloatArray
@@ -25,6 +26,8 @@ _LOG_2PI = float(np.log(2 * np.pi))
 _SURE = 1e8
 #: Standard deviations of the chi-square of noise by which a prediction may leave more.
 _ALLOWED = 3.0
+#: Shares of a step to a held-out mode at which the motion is asked; steps; nats within which the linear model holds.
+_SHARES, _STEPS, _AGREES = np.array([1.0, 0.5, 0.25, 0.1, 0.03, 0.0]), 4, 1.0
 #: Smallest size of a model error that is told from none [noise sds]; factor between the first sizes that are tried.
 _LEAST, _FACTOR = 0.02, 4.0
 
@@ -47,6 +50,7 @@ class Linearised:
     form: float = 0.0
     #: Score of a constant for each held-out recording [nats], see `constant_score`: no model is worse than that.
     constants: Sequence[float] = ()
+    motion: HeldMotion | None = None  # what is held out, beyond where the linear model holds
 
     @cached_property
     def prior(self) -> Prior:
@@ -189,7 +193,9 @@ def evidence_of(problem: Linearised) -> Evidence:
     predictive = replace(at, precision=_inverse(covariance))
     sure = replace(predictive, precision=_SURE * predictive.precision)
     given = (problem.prior.after(mode, problem.belief) for mode in (predictive, sure))
-    held, ahead = ([_Sizes(problem, part, prior) for part in problem.held] for prior in given)
+    after, at_estimate = given
+    held = [_at_its_mode(problem, i, after) for i in range(len(problem.held))]
+    ahead = [_Sizes(problem, part, at_estimate) for part in problem.held]
     counts = [sum(c.time.size for c in part) for part in problem.held]
     least = problem.constants or [-np.inf] * len(held)
     return Evidence(
@@ -204,13 +210,50 @@ def evidence_of(problem: Linearised) -> Evidence:
         gained=at.gained,
         step=at.step,
         covariance=covariance,
-        chi2_held=sum(_left(part, h.likeliest.step) for part, h in zip(problem.held, held, strict=True)),
+        chi2_held=sum(_left(h.channels, h.likeliest.step) for h in held),
         chi2_ahead=sum(
-            _left(part, (a if a.integrated > c else h).likeliest.step)
-            for part, a, h, c in zip(problem.held, ahead, held, least, strict=True)
+            _left(own.channels, own.likeliest.step)
+            for own in (a if a.integrated > c else h for a, h, c in zip(ahead, held, least, strict=True))
         ),
         count_held=sum(counts),
     )
+
+
+def _at_its_mode(problem: Linearised, number: int, prior: Prior) -> _Sizes:
+    """Return the sizes of the model error in a held-out recording, around the mode that its motion has.
+
+    A law that misses asks for a long step, whose end only a linear model reaches: it is gone in steps, each as long as
+    the motion gains from it.
+    """
+    motion, channels, at = problem.motion, problem.held[number], np.zeros(len(prior.mean))
+    for _ in range(_STEPS):
+        sizes = _Sizes(problem, channels, prior)
+        if motion is None:
+            return sizes
+        mode, error = sizes.likeliest, ModelError.of(float(np.exp(sizes.best)), problem.natural_time)
+        steps = _SHARES[:, None] * mode.step
+        left = motion.residuals(number, (at + steps).T)
+        pulled = np.einsum("ip,pq,iq->i", steps - prior.mean, prior.pull, steps - prior.mean)
+        with np.errstate(over="ignore", invalid="ignore"):
+            costs = pulled + _quadratic(channels, left, error) / mode.white**2
+        promised = pulled[0] + _quadratic(channels, [c.left(mode.step)[:, None] for c in channels], error) / mode.white**2
+        if not 0.5 * abs(costs[0] - promised[0]) > _AGREES:
+            return sizes
+        best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
+        step, at = steps[best], at + steps[best]
+        prior = replace(prior, mean=prior.mean - step, low=prior.low - step, high=prior.high - step)
+        there = motion.channels(number, at)
+        if not step.any() or not all(np.isfinite(c.columns).all() for c in there):
+            break
+        channels = there
+    everywhere = np.full(at.size, np.inf)
+    return _Sizes(problem, channels, replace(prior, low=-everywhere, high=everywhere, frozen=np.ones(at.size, bool)))
+
+
+def _quadratic(channels: Sequence[Channel], residuals: Sequence[FloatArray], error: ModelError) -> FloatArray:
+    """Return the quadratic forms of residuals (n, k) of each channel under a model error, (k,)."""
+    grams = (Channel(c.time, r).gram(error)[0] for c, r in zip(channels, residuals, strict=True))
+    return np.asarray(sum(np.diag(gram) for gram in grams), np.float64)
 
 
 def constant_score(left: Sequence[Channel], natural_time: float, scale: float) -> float:

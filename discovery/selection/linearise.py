@@ -10,6 +10,7 @@ import numpy as np
 from discovery.estimation.bench import Bench
 from discovery.estimation.chatter import clear_of_chatter
 from discovery.estimation.covariance import Probed, simulated
+from discovery.estimation.held_motion import HeldMotion
 from discovery.estimation.holdout import all_finite, fitted_states
 from discovery.estimation.laplace import belief_of
 from discovery.estimation.log_evidence import Linearised
@@ -38,7 +39,12 @@ def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[
     problems, points = [r.problem for r in refits], [r.minimum.x for r in refits]
     with np.errstate(over="ignore", invalid="ignore"):
         sizes, train = clear_of_chatter(bench, problems, points, [_sizes(r) for r in refits])
-        held = [([], []) for _ in refits] if context.judge.continued else _on_held(context, bench, refits, sizes)
+        if context.judge.continued:
+            own = zip(problems, points, sizes, strict=True)
+            motions = [HeldMotion(*each, context.judge.places, np.arange(each[1].size)) for each in own]
+            held = [*zip(motions, train, strict=True)]
+        else:
+            held = _on_held(context, bench, refits, sizes)
         return [_slopes(context, r, own, *other) for r, own, other in zip(refits, train, held, strict=True)]
 
 
@@ -51,18 +57,20 @@ def _sizes(refit: Refit) -> FloatArray:
 
 def _on_held(
     context: Context, bench: Bench, refits: Sequence[Refit], sizes: Sequence[FloatArray]
-) -> list[tuple[list[FloatArray], list[float]]]:
-    """Return the columns of the held-out recordings, parameters, own starts and residual, and the starts' priors."""
+) -> list[tuple[HeldMotion, list[FloatArray]]]:
+    """Return held-out motions around their starts, and the columns there: parameters, own starts and residual."""
     judge = context.judge
     held = judge.simulators(bench, [(r.problem.model, r.values) for r in refits], judge.deciding())
     alone = [_with_known(r, held) for r in refits]
     problems = [replace(r.problem, bench=held) for r in refits]
-    probes = []
+    motions = []
     for r, problem, state, own in zip(refits, problems, fitted_states(alone), sizes, strict=True):
-        free = len(problem.free)
+        free, p = len(problem.free), r.minimum.x.size
         size = np.concatenate([own[:free], problem.scale[free:] * 1e-2])
-        probes.append(Probed.around(problem, np.concatenate([r.minimum.x[:free], state]), size))
-    return [(c, [s.width for s in p.states]) for c, p in zip(simulated(held, problems, probes), problems, strict=True)]
+        point = np.concatenate([r.minimum.x[:free], state])
+        motions.append(HeldMotion(problem, point, size, judge.places, np.r_[:free, p : p + state.size]))
+    probes = [Probed.around(m.problem, m.point, m.size) for m in motions]
+    return [*zip(motions, simulated(held, problems, probes), strict=True)]
 
 
 def _with_known(refit: Refit, held: Bench) -> Problem:
@@ -74,10 +82,11 @@ def _with_known(refit: Refit, held: Bench) -> Problem:
 
 
 def _slopes(
-    context: Context, refit: Refit, train: list[FloatArray], held: list[FloatArray], more: list[float]
+    context: Context, refit: Refit, train: list[FloatArray], motion: HeldMotion, held: list[FloatArray]
 ) -> Slopes | None:
-    problem, x = refit.problem, refit.minimum.x
-    p, free = x.size, len(problem.free)
+    problem, x, judge = refit.problem, refit.minimum.x, context.judge
+    more = [] if judge.continued else [s.width for s in motion.problem.states]
+    p = x.size
     jacobian: list[FloatArray] = []
     fitted: list[Channel] = []
     for e, columns in zip(problem.bench.experiments, train, strict=True):
@@ -86,13 +95,11 @@ def _slopes(
         fitted += Channel.each(e.recording.time, np.insert(columns, [p] * len(more), 0.0, axis=2), weight)
     if not all_finite(fitted):
         return None
-    judge = context.judge
-    own = train if judge.continued else [np.insert(columns, [free] * (p - free), 0.0, axis=2) for columns in held]
-    parts = (Channel.each(e.recording.time, c, here) for (e, here), c in zip(judge.parts, own, strict=True))
-    kept = zip(filter(None, parts), judge.constants, strict=True)
-    judged = [constant.unless_finite(part, p + len(more)) for part, constant in kept]
+    parts = (motion.placed(*place, held[place[0]], p + len(more)) for place in motion.parts)
+    judged = [constant.unless_finite(part, p + len(more)) for part, constant in zip(parts, judge.constants, strict=True)]
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
-    form = context.settings.form_of(problem.model)
-    linear = Linearised(fitted, judged, belief, p, context.units.time, scale, stated, form, context.constant_scores)
+    form, time = context.settings.form_of(problem.model), context.units.time
+    constants = context.constant_scores
+    linear = Linearised(fitted, judged, belief, p, time, scale, stated, form, constants, motion)
     return Slopes(linear, np.concatenate(jacobian))
