@@ -18,7 +18,7 @@ from discovery.recordings.reading_flags import bend_flags, clean_output, gap_fla
 from discovery.recordings.reading_noise import noise_flags
 from discovery.recordings.recording import read_recording
 from discovery.recordings.rounding import quantum, resolution
-from discovery.recordings.sensor_faults import drift, flat_runs, spikes
+from discovery.recordings.sensor_faults import cut_off, drift, flat_runs, spikes
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.rigs.rig_file import read_rig
 
@@ -192,6 +192,29 @@ def test_the_slow_part_of_a_driven_motion_does_not_creep(drifts):
     # A swing that is slow for the length of the record has no mean that could be told from it.
     assert found.count(0.0) == 20 if drifts == 0.0 else found.count(0.0) <= 3
     assert np.median(found) == pytest.approx(drifts, rel=0.05)
+
+
+def test_a_ramp_is_not_read_in_steps_and_one_that_is_has_them():
+    time = np.arange(300) * 0.015
+    speed = 40.0 + 1e-3 * np.random.default_rng(2).normal(size=time.size)
+    assert quantum(speed * time) == 0.0
+    # Each count is read once as long as none is passed over; then a gap is of two.
+    counts = np.floor(41.3 * time / 0.6)
+    assert quantum(0.6 * counts) == pytest.approx(0.6)
+
+
+def test_a_hoist_that_stops_at_either_end_and_elsewhere_is_not_clipped():
+    rng, tops, value, rows = np.random.default_rng(3), (11308, 11308, 11019, 10697, 11308, 10801), 0, []
+    for top in tops:
+        for goal, speed in ((top, 2100.0), (-int(rng.integers(15, 45)), -780.0)):
+            way = np.arange(value, goal, speed)
+            rows += [*np.round(way + rng.normal(0.0, 20.0, way.size)), *[goal] * int(rng.integers(6, 15))]
+            value = goal
+    read = np.array(rows, float)
+    assert cut_off(read, 1.0)[1] == ()
+    # The same motion before an instrument that ends at 8000 is cut off there.
+    below, limits = cut_off(np.minimum(read, 8000.0), 1.0)
+    assert limits == (8000.0,) and below.sum() == np.sum(read >= 8000.0)
 
 
 @pytest.mark.parametrize("step", [0.08789062590975255, 1.0, 2 * np.pi / 40000])

@@ -17,6 +17,7 @@ _TELLING = 0.1  # share of the differences that small multiples must be
 _NEIGHBOURS = 25  # readings over which the speed is seen
 _SHARED_STEPS = 0.21  # steps between readings whose errors are correlated
 _LEVELS, _VISITS, _PRINTED = 6, 4, 6.0  # gaps, readings a gap, and finer steps in a step that was rounded once more
+_ALIKE, _SIZES = 1e-6, 3  # steps by which sizes are told apart, and how many those that are printed have
 _MARKS = 8  # steps that tell marks from readings at a rate
 
 
@@ -45,7 +46,11 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
         multiple = gaps[gaps < _NEAR_GAPS * step] / step
         told = multiple.size >= max(1.0, _TELLING * gaps.size)
         apart = max(_TOLERANCE, _printed(gaps, step, finite.size) / step)
-        if told and np.mean(np.abs(multiple - np.round(multiple)) <= apart) >= _AGREEING:
+        whole = np.round(multiple)
+        # What moves on by about as much each time, as a ramp, is never read twice, and its gaps are of many sizes.
+        once = distinct.size == finite.size and whole.max() <= 1.0
+        ramp = once and np.unique(np.round(near / (_ALIKE * step))).size > _SIZES
+        if told and not ramp and np.mean(np.abs(multiple - whole) <= apart) >= _AGREEING:
             return step
     return 0.0
 

@@ -170,7 +170,8 @@ def cut_off(values: FloatArray, step: float) -> tuple[BoolArray, tuple[float, ..
         ]
         most, narrowest = max(counts, default=(0, 0))
         stays[sign] = (most, -narrowest * step)
-    if sum(count for count, _ in stays.values()) < _STAYS:
+    # What stops as abruptly elsewhere stands still by itself.
+    if sum(count for count, _ in stays.values()) < max(_STAYS, 1 + _stops(read, step)):
         return nothing, ()
     limits = []
     for sign, (count, band) in stays.items():
@@ -193,6 +194,20 @@ def _stays(below: FloatArray, band: float, step: float) -> int:
         most = (band + step) * max(_CLEAR, ((length + 4.0) / (length - 1.0)) ** _FLAT)
         sides = below[max(0, start - _BESIDE) : start + 1][::-1], below[stop - 1 : stop + _BESIDE]
         ratios = [_abruptness(side, most) for side in sides]
+        found += max(ratios) > _ABRUPT and min(ratios) > _LEAST
+    return found
+
+
+def _stops(read: FloatArray, step: float) -> int:
+    """Return how often readings stand still away from both extremes, and come there and leave as no turn does."""
+    edges = np.concatenate([[0], 1 + np.flatnonzero(np.abs(np.diff(read)) > step), [read.size]])
+    far, found = _OF_RANGE * np.ptp(read), 0
+    for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        below = np.abs(read - read[start])
+        if stop - start < _SHORTEST or min(read[start] - read.min(), read.max() - read[start]) <= far:
+            continue
+        sides = below[max(0, start - _BESIDE) : start + 1][::-1], below[stop - 1 : stop + _BESIDE]
+        ratios = [_abruptness(side, _CLEAR * step) for side in sides]
         found += max(ratios) > _ABRUPT and min(ratios) > _LEAST
     return found
 
