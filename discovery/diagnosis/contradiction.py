@@ -30,6 +30,7 @@ from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit, fit_near
+from discovery.estimation.physical import stated_inertia
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import correlation_length
 from discovery.foundation.errors import SimulationFailure
@@ -109,7 +110,8 @@ def against_length(fit: Fit) -> tuple[Check, ...]:
 
 def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
     """Test what the rig knows and the fit may move, each with the fit that is free of the rig's opinion."""
-    rig = fit.problem.bench.experiments[0].rig
+    first = fit.problem.bench.experiments[0]
+    rig, units = first.rig, {n: p.unit for n, p in fit.model.parameters.items()}
     stated: dict[str, tuple[float, float, str]] = {}
     if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
         spread = math.hypot(rig.beam_mass.sd / rig.beam_mass.value, rig.tip_mass.sd / rig.tip_mass.value)
@@ -118,6 +120,9 @@ def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
     if rig.system is not None:
         constants = {n: (c.value, c.sd) for n, c in rig.system.constants.items() if c.sd is not None}
         stated = {n: (*own, "what the rig file states") for n, own in constants.items()}
+    elif own := stated_inertia(first):
+        name, mean, sd, units[name], key = own
+        stated[name] = mean, sd, f"{key} of the rig file"
     elif rig.length is not None:
         stated["length"] = (rig.length.value, rig.length.sd, "the rig's length")
     found = []
@@ -125,14 +130,14 @@ def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
         if not sd or name not in fit.problem.gaussian or name not in fit.problem.free:
             continue
         # What the recordings have overruled is free of it already.
-        overruled = rig.system is not None and fit.problem.gaussian[name] != (mean, sd)
+        overruled = not first.system.has_rod and fit.problem.gaussian[name] != (mean, sd)
         freed = fit if overruled else _freed(fit, name, (mean, sd))
         if name in freed.reasons:
             continue
         value, spread = freed.values[name], freed.sd[name]
         if freed is not fit and abs(value - mean) > math.hypot(spread, sd):
             spread = _spread_by_ratio(fit, freed, name, (mean, sd))
-        found.append((_check(name, fit.model.parameters[name].unit, (value, spread), (mean, sd), source), freed))
+        found.append((_check(name, units[name], (value, spread), (mean, sd), source), freed))
     return found
 
 
@@ -241,14 +246,14 @@ def check_contradictions(
 ) -> ContradictionReport:
     """Test a fit against the rig, and look for effects that reconcile what contradicts.
 
-    `fit`: the final one of an arm, of a pendulum whose length the rig states, or of a declared system; of any other
-    nothing is predicted. Its bench should hold the candidates, or another kernel is compiled. `rng`: source of the
+    `fit`: the final one of an arm, of a pendulum whose length the rig states, of a stated inertia, or of a declared
+    system; of any other nothing is predicted. Its bench should hold the candidates, or another kernel is compiled. `rng`: source of the
     draws of the rig's quantities. `candidates`: effects that may reconcile, none to look for none; by default all that
     could be missing. `bench`: quicker mechanics, on which effects are tried where the fit is no worse on them; by
     default those of the fit.
     """
     experiments = fit.problem.bench.experiments
-    arm, declared = experiments[0].system.has_rod, experiments[0].rig.system is not None
+    arm = experiments[0].system.has_rod
     if candidates is None:
         candidates = possible(fit.model, experiments[0].coordinate_unit)
     found = [*against_rig(fit), *(against_stiffness(fit, rng) if arm else [(c, fit) for c in against_length(fit)])]
@@ -257,7 +262,7 @@ def check_contradictions(
         if not check.odds > context.settings.nats:
             continue
         name, target = check.parameter, (check.predicted, check.predicted_sd)
-        if declared:
+        if not arm and name != "k_g":
             moved = abs(fit.values[name] - check.value) < abs(fit.values[name] - check.predicted)
             contradictions.append(Contradiction(check, (), sought=False, overruled=moved))
             continue

@@ -17,6 +17,7 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.guess import pushed, restoring
 from discovery.estimation.natural_units import NaturalUnits
+from discovery.estimation.physical import stated_inertia
 from discovery.estimation.problem import LIGHT_ROD, conventions, known_values
 from discovery.estimation.residual import explains
 from discovery.foundation.errors import ComputationError, InputError
@@ -46,7 +47,7 @@ _STRAYED = 10.0
 
 
 def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
-    """Return mean and sd of what may move: stated constants, or the mass and slight damping of an exact arm.
+    """Return mean and sd of what may move: stated constants or inertia, or mass and slight damping of an exact arm.
 
     It is fitted with this prior and bounded at three standard deviations, so that it cannot swallow an effect.
     """
@@ -54,7 +55,7 @@ def rig_uncertainty(experiment: Experiment) -> dict[str, tuple[float, float]]:
     if rig.system is not None:
         return {n: (c.value, c.sd) for n, c in rig.system.constants.items() if c.sd is not None}
     if not experiment.system.has_rod:
-        return {}
+        return {found[0]: found[1:3]} if (found := stated_inertia(experiment)) else {}
     known = {"tau_r": (RETARDATION, RETARDATION_SD), "mu": (LIGHT_ROD, LIGHT_ROD)}
     if rig.beam_mass is not None and rig.tip_mass is not None and rig.beam_mass.value:
         mu = rig.beam_mass.value / rig.tip_mass.value

@@ -12,6 +12,7 @@ from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, is_force, known_dimension, si_symbol
 from discovery.equations.model import Model
 from discovery.foundation.arrays import FloatArray
+from discovery.mechanics import get_base
 from discovery.mechanics.rod_shapes import AT_THE_TIP
 from discovery.recordings.experiment import Experiment
 
@@ -50,6 +51,26 @@ def _inertia(model: Model, experiment: Experiment) -> tuple[str | float, float, 
     if base.gain and is_force(given):
         return base.gain, 0.0, _product((dimension(given), 1), (acceleration, -1))
     return None if stated is None else (stated.value, stated.sd / stated.value, dimension(unit))
+
+
+def stated_inertia(experiment: Experiment) -> tuple[str, float, float, str, str] | None:
+    """Return what the rig's mass or inertia says of a parameter where a force is recorded, which tells it, too.
+
+    Returned: the input's gain, which is its inverse, or with a force that is read the inertia; mean and standard
+    deviation; unit; what the rig file calls it. None where the rig states none, or no force is recorded.
+    """
+    rig, base = experiment.rig, get_base(experiment.rig.base)
+    stated, unit, key = (rig.inertia, "kg m^2", "inertia_kg_m2") if rig.inertia else (rig.mass, "kg", "mass_kg")
+    force = experiment.recording.units[0] if base.prescribed else rig.columns.input and rig.columns.input.unit
+    q = known_dimension(experiment.coordinate_unit)
+    name, power = ("m", 1) if base.prescribed else (base.gain, -1)
+    if base.system.has_rod or stated is None or not name or q is None or not is_force(given := si_symbol(force or "")):
+        return None
+    if _product((dimension(given), 1), (q, -1), (dimension("s^2"), 1)) != dimension(unit):
+        return None
+    value = stated.value**power
+    own = named_unit(_product((dimension(unit), power), ({}, 1)))
+    return name, value, value * stated.sd / stated.value, own, key if power > 0 else f"1 / {key}"
 
 
 def physical_parameters(

@@ -81,7 +81,8 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         largest=1e6,
         kinds=("oscillator", "base_excited", "drive", "falling_body"),
         meaning="Mass of what moves along a line. With it, parameters are also told as forces. Where the "
-        "input of an oscillator or a drive is a force, it is not needed: the mass itself is then fitted.",
+        "input of an oscillator or a drive, or what `[view]` reads, is a force, it is not needed: the mass is then "
+        "fitted itself, within this one’s sd unless the recordings overrule it, which is said as a contradiction.",
     ),
     "inertia": QuantityKind(
         unit="kg m^2",
@@ -89,7 +90,8 @@ QUANTITIES: Mapping[str, QuantityKind] = {
         largest=1e6,
         kinds=("oscillator", "pendulum", "base_excited", "drive"),
         meaning="Moment of inertia of what turns. With it, parameters are also told as torques. Where the "
-        "input of an oscillator, a pendulum or a drive is a torque, it is not needed: it is then fitted itself.",
+        "input of an oscillator, a pendulum or a drive, or what `[view]` reads, is a torque, it is not needed: it is "
+        "then fitted itself, within this one’s sd unless the recordings overrule it, which is said as a contradiction.",
     ),
     "gravity": QuantityKind(
         unit="m s^-2",
