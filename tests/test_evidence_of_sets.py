@@ -9,7 +9,8 @@ from scipy.stats import multivariate_normal
 
 from discovery.declarations.priors import HalfStudent, LogNormal, Normal, Prior, Student
 from discovery.estimation.laplace import Belief, bounded_step
-from discovery.estimation.log_evidence import Linearised, constant_score, evidence_of
+from discovery.estimation.linear_problem import Linearised
+from discovery.estimation.log_evidence import constant_score, evidence_of
 from discovery.estimation.model_error import Channel
 
 TIME = np.arange(0, 30, 0.05)

@@ -9,7 +9,7 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.laplace import Belief, Mode, belief_of
-from discovery.estimation.log_evidence import Linearised
+from discovery.estimation.linear_problem import Linearised
 from discovery.estimation.model_error import Channel, ModelError, innovations
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from discovery.recordings.range_ends import cut_off
 from discovery.recordings.recording import read_recording
 from discovery.recordings.rounding import quantum
-from discovery.recordings.sensor_faults import cut_off
 from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
 
 

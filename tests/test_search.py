@@ -13,10 +13,10 @@ import pytest
 from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 
 from discovery.equations.model import Model
+from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit
 from discovery.estimation.holdout import HoldOut
 from discovery.screening.refits import finish, settle
-from discovery.selection import linearise
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
@@ -90,12 +90,14 @@ def test_two_effects_are_both_found_and_nothing_else(effects: dict[str, float]) 
 
 def test_a_set_that_blows_up_held_out_predicts_as_well_as_a_constant(monkeypatch: pytest.MonkeyPatch) -> None:
     search = begun(context())
-    known, held = search.root.evidence, linearise._on_held
+    known, read = search.root.evidence, Bench.predict
+    held = [e.recording.name for e in search.context.judge.separate]
 
-    def blown(*given: Any) -> list[Any]:
-        return [([np.full_like(c, np.inf) for c in columns], widths) for columns, widths in held(*given)]
+    def blown(self: Bench, *given: Any) -> list[Any]:
+        gone = [e.recording.name for e in self.experiments] == held
+        return [np.full_like(c, np.inf) if gone else c for c in read(self, *given)]
 
-    monkeypatch.setattr(linearise, "_on_held", blown)
+    monkeypatch.setattr(Bench, "predict", blown)
     (again,) = contenders(search.context, [((), search.root.refit)])
     assert again.evidence.train == pytest.approx(known.train, abs=1e-6)
     assert again.evidence.held == pytest.approx(sum(search.context.constant_scores), abs=1e-6)

@@ -14,11 +14,12 @@ from scipy.integrate import solve_ivp
 
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.flags import OVERSTATED, UNDERSTATED, Flag, doubted, misstated
+from discovery.recordings.range_ends import cut_off
 from discovery.recordings.reading_flags import bend_flags, clean_output, gap_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import noise_flags
 from discovery.recordings.recording import read_recording
 from discovery.recordings.rounding import quantum, resolution
-from discovery.recordings.sensor_faults import cut_off, drift, flat_runs, spikes
+from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.rigs.rig_file import read_rig
 
@@ -214,7 +215,8 @@ def test_a_hoist_that_stops_at_either_end_and_elsewhere_is_not_clipped():
     assert cut_off(read, 1.0)[1] == ()
     # The same motion before an instrument that ends at 8000 is cut off there.
     below, limits = cut_off(np.minimum(read, 8000.0), 1.0)
-    assert limits == (8000.0,) and below.sum() == np.sum(read >= 8000.0)
+    assert limits == (8000.0,)
+    assert below.sum() == np.sum(read >= 8000.0)
 
 
 @pytest.mark.parametrize("step", [0.08789062590975255, 1.0, 2 * np.pi / 40000])

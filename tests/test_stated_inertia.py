@@ -59,14 +59,16 @@ def test_what_is_stated_narrows_what_is_fitted(folder: Path) -> None:
     (sd, narrow) = (f.after.summary()["physical"]["inertia"]["sd"] for f in (loose, firm))
     assert 0.2 * sd < narrow < 0.5 * sd
     (check,) = firm.contradiction.checks
-    assert check.source == "1 / inertia_kg_m2 of the rig file" and check.predicted == pytest.approx(1 / 0.0501)
+    assert check.source == "1 / inertia_kg_m2 of the rig file"
+    assert check.predicted == pytest.approx(1 / 0.0501)
     assert firm.contradiction.contradictions == ()
 
 
 def test_what_is_stated_wrongly_is_refuted(folder: Path) -> None:
     found = closed(folder, inertia=0.07, sd=7e-4)
     (contradiction,) = found.contradiction.contradictions
-    assert contradiction.overruled and contradiction.check.parameter == "g"
+    assert contradiction.overruled
+    assert contradiction.check.parameter == "g"
     assert found.after.summary()["physical"]["inertia"]["value"] == pytest.approx(_INERTIA, rel=0.02)
 
 

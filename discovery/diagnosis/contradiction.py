@@ -247,10 +247,10 @@ def check_contradictions(
     """Test a fit against the rig, and look for effects that reconcile what contradicts.
 
     `fit`: the final one of an arm, of a pendulum whose length the rig states, of a stated inertia, or of a declared
-    system; of any other nothing is predicted. Its bench should hold the candidates, or another kernel is compiled. `rng`: source of the
-    draws of the rig's quantities. `candidates`: effects that may reconcile, none to look for none; by default all that
-    could be missing. `bench`: quicker mechanics, on which effects are tried where the fit is no worse on them; by
-    default those of the fit.
+    system; of any other nothing is predicted. Its bench should hold the candidates, or another kernel is compiled.
+    `rng`: source of the draws of the rig's quantities. `candidates`: effects that may reconcile, none to look for none;
+    by default all that could be missing. `bench`: quicker mechanics, on which effects are tried where the fit is no
+    worse on them; by default those of the fit.
     """
     experiments = fit.problem.bench.experiments
     arm = experiments[0].system.has_rod

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import Probed
+from discovery.estimation.holdout import HoldOut, fitted_states, known_problem
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
+
+_PART = 1e-2  #: Starts are moved by this part of their scale.
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,3 +55,25 @@ class HeldMotion:
         bench = self.problem.bench
         (channels,) = bench.predict(*self.problem.expand(points), slice(at, at + 1))
         return channels
+
+
+def held_motions(
+    judge: HoldOut, bench: Bench, problems: Sequence[Problem], points: Sequence[FloatArray], sizes: Sequence[FloatArray]
+) -> list[HeldMotion]:
+    """Return the motions of what a `judge` holds out around fitted points of one bench, from starts of their own.
+
+    `sizes`, each (p,): by how much what is fitted is moved for derivatives.
+    """
+    fitted = [*zip(problems, points, sizes, strict=True)]
+    if judge.continued:
+        return [HeldMotion(*each, judge.places, np.arange(each[1].size)) for each in fitted]
+    values = [p.named(x) for p, x in zip(problems, points, strict=True)]
+    held = judge.simulators(bench, [(p.model, v) for p, v in zip(problems, values, strict=True)], judge.deciding())
+    alone = [known_problem(p.model, v, held, p.units) for p, v in zip(problems, values, strict=True)]
+    found = []
+    for (problem, x, size), state in zip(fitted, fitted_states(alone), strict=True):
+        own, free = replace(problem, bench=held), len(problem.free)
+        moved = np.concatenate([size[:free], own.scale[free:] * _PART])
+        numbers = np.r_[:free, x.size : x.size + state.size]
+        found.append(HeldMotion(own, np.concatenate([x[:free], state]), moved, judge.places, numbers))
+    return found

@@ -245,13 +245,16 @@ def held_out(
 
     Returned (n, c): for each candidate, its prediction of each recording.
     """
-    problems = []
-    for model, values in candidates:
-        known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
-        problems.append(Problem(Model(model.base, model.effects, known), bench, units, {}, reference=""))
+    problems = [known_problem(model, values, bench, units) for model, values in candidates]
     starts = fitted_states(problems)
     channels = bench.predict(*side_by_side(problems, [x[:, None] for x in starts]))
     return [[c[:, :, i] for c in channels] for i in range(len(candidates))]
+
+
+def known_problem(model: Model, values: Mapping[str, float], bench: Bench, units: NaturalUnits) -> Problem:
+    """Return the problem of what is free of every recording alone: the parameters of a model are known."""
+    known = {**model.known, **{n: v for n, v in values.items() if n in model.parameters}}
+    return Problem(Model(model.base, model.effects, known), bench, units, {}, reference="")
 
 
 def _state_starts(problem: Problem) -> list[FloatArray]:

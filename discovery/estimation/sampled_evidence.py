@@ -16,7 +16,7 @@ from numpy.random import Generator
 
 from discovery.estimation.importance import importance_sample
 from discovery.estimation.laplace import Mode, Prior
-from discovery.estimation.log_evidence import Linearised
+from discovery.estimation.linear_problem import Linearised
 from discovery.estimation.model_error import ModelError, innovations
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray

@@ -10,8 +10,9 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
+from discovery.recordings.range_ends import cut_off
 from discovery.recordings.rounding import quantum
-from discovery.recordings.sensor_faults import cut_off, drift, flat_runs, spikes
+from discovery.recordings.sensor_faults import drift, flat_runs, spikes
 from discovery.rigs.rig import TimeColumn
 
 _JITTER = 0.05  # of a step

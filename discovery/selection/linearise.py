@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.chatter import clear_of_chatter
 from discovery.estimation.covariance import Probed, simulated
-from discovery.estimation.held_motion import HeldMotion
-from discovery.estimation.holdout import all_finite, fitted_states
+from discovery.estimation.held_motion import HeldMotion, held_motions
+from discovery.estimation.holdout import all_finite
 from discovery.estimation.laplace import belief_of
-from discovery.estimation.log_evidence import Linearised
+from discovery.estimation.linear_problem import Linearised
 from discovery.estimation.model_error import Channel
-from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.screening.refits import Refit
 from discovery.selection.context import Context
@@ -39,13 +38,11 @@ def linearised(context: Context, bench: Bench, refits: Sequence[Refit]) -> list[
     problems, points = [r.problem for r in refits], [r.minimum.x for r in refits]
     with np.errstate(over="ignore", invalid="ignore"):
         sizes, train = clear_of_chatter(bench, problems, points, [_sizes(r) for r in refits])
-        if context.judge.continued:
-            own = zip(problems, points, sizes, strict=True)
-            motions = [HeldMotion(*each, context.judge.places, np.arange(each[1].size)) for each in own]
-            held = [*zip(motions, train, strict=True)]
-        else:
-            held = _on_held(context, bench, refits, sizes)
-        return [_slopes(context, r, own, *other) for r, own, other in zip(refits, train, held, strict=True)]
+        motions, held = held_motions(context.judge, bench, problems, points, sizes), train
+        if not context.judge.continued:
+            probes = [Probed.around(m.problem, m.point, m.size) for m in motions]
+            held = simulated(motions[0].problem.bench, [m.problem for m in motions], probes)
+        return [_slopes(context, *own) for own in zip(refits, train, motions, held, strict=True)]
 
 
 def _sizes(refit: Refit) -> FloatArray:
@@ -53,32 +50,6 @@ def _sizes(refit: Refit) -> FloatArray:
     scale = refit.problem.scale
     slope = np.linalg.norm(refit.minimum.jacobian, axis=0)
     return np.clip(_APART / np.maximum(slope, 1e-300), 1e-9 * scale, 1e-2 * scale)
-
-
-def _on_held(
-    context: Context, bench: Bench, refits: Sequence[Refit], sizes: Sequence[FloatArray]
-) -> list[tuple[HeldMotion, list[FloatArray]]]:
-    """Return held-out motions around their starts, and the columns there: parameters, own starts and residual."""
-    judge = context.judge
-    held = judge.simulators(bench, [(r.problem.model, r.values) for r in refits], judge.deciding())
-    alone = [_with_known(r, held) for r in refits]
-    problems = [replace(r.problem, bench=held) for r in refits]
-    motions = []
-    for r, problem, state, own in zip(refits, problems, fitted_states(alone), sizes, strict=True):
-        free, p = len(problem.free), r.minimum.x.size
-        size = np.concatenate([own[:free], problem.scale[free:] * 1e-2])
-        point = np.concatenate([r.minimum.x[:free], state])
-        motions.append(HeldMotion(problem, point, size, judge.places, np.r_[:free, p : p + state.size]))
-    probes = [Probed.around(m.problem, m.point, m.size) for m in motions]
-    return [*zip(motions, simulated(held, problems, probes), strict=True)]
-
-
-def _with_known(refit: Refit, held: Bench) -> Problem:
-    """Return the problem of the starts alone, the parameters known."""
-    problem, model = refit.problem, refit.problem.model
-    known = {n: v for n, v in refit.values.items() if n in model.parameters}
-    model = replace(model, known={**model.known, **known})
-    return replace(problem, model=model, bench=held, gaussian={}, error=None)
 
 
 def _slopes(
@@ -96,7 +67,9 @@ def _slopes(
     if not all_finite(fitted):
         return None
     parts = (motion.placed(*place, held[place[0]], p + len(more)) for place in motion.parts)
-    judged = [constant.unless_finite(part, p + len(more)) for part, constant in zip(parts, judge.constants, strict=True)]
+    judged = [
+        constant.unless_finite(part, p + len(more)) for part, constant in zip(parts, judge.constants, strict=True)
+    ]
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
     form, time = context.settings.form_of(problem.model), context.units.time

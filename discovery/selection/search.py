@@ -76,7 +76,7 @@ class Search:
             step()
 
     def _give_up_a_loss(self) -> bool:
-        """Let an effect take the place of a declared law that it contains, or of a loss where it serves better: True."""
+        """Let an effect take the place of a declared law that it contains, or, and return True, of a loss."""
         doubled = self.neighbours.without_contained(self.best)
         declared = doubled or ({} if self._leaves_noise() else self.neighbours.without_losses(self.best))
         odds = {n: between_rivals(c, self.best, self.context.settings) for n, (_, c) in declared.items()}
