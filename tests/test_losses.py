@@ -67,7 +67,7 @@ def test_a_declared_law_gives_way_to_one_that_contains_it() -> None:
     assert (search.offers.given_up, search.best.added) == ({"coulomb_friction"}, ("stribeck_friction",))
     (step,) = (d for d in search.decisions if d.action == "exchange")
     assert (step.code, step.effects) == ("contained", ("coulomb_friction", "stribeck_friction"))
-    assert decision_sentence(step.summary()) == "Coulomb friction is contained in Stribeck friction"
+    assert decision_sentence(step.summary()) == "Stribeck friction contains Coulomb friction"
     assert search.best.refit.values["f_k"] == pytest.approx(0.1, rel=0.05)  # held twice, neither would be told
 
 

@@ -88,6 +88,21 @@ def test_two_effects_are_both_found_and_nothing_else(effects: dict[str, float]) 
     assert is_complete(search.best, search.root, search.context)
 
 
+@pytest.mark.parametrize(
+    ("change", "size"),
+    [({"white": 5.0, "alone": 5.0}, np.sqrt(24)), ({"white": 1.5, "alone": 1.5}, 0.0), ({"chi2_ahead": 16.0}, 4.0)],
+    ids=["scatters", "noisy", "misses"],
+)
+def test_far_more_than_noise_is_a_model_error_even_without_memory(change: dict[str, float], size: float) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    own = search.best.evidence
+    assert own.left == max(own.error, own.error_held)
+    change = {name: value * own.count_held if name == "chi2_ahead" else value for name, value in change.items()}
+    other = dataclasses.replace(search.best, evidence=dataclasses.replace(own, **change))
+    assert is_complete(other, search.root, search.context) == (size == 0.0)
+    assert other.evidence.left == pytest.approx(np.hypot(size, 0.0 if "chi2_ahead" in change else own.left), abs=1e-9)
+
+
 def test_a_set_that_blows_up_held_out_predicts_as_well_as_a_constant(monkeypatch: pytest.MonkeyPatch) -> None:
     search = begun(context())
     known, read = search.root.evidence, Bench.predict

@@ -21,6 +21,8 @@ from discovery.foundation.arrays import FloatArray
 
 #: Times as sure of its parameters as its intervals say, a set predicts by its estimate alone.
 _SURE = 1e8
+NOISIER = 2.0  #: Times what is stated that noise may be.
+_FAR_OFF = 3.0  #: Times the noise that no prediction of a complete model misses by.
 #: Standard deviations of the chi-square of noise by which a prediction may leave more.
 _ALLOWED = 3.0
 
@@ -57,6 +59,22 @@ class Evidence:
     def joint(self) -> float:
         """Log evidence of all recordings [nats]."""
         return self.train + self.held
+
+    @property
+    def beyond(self) -> float:
+        """Scatter beyond the noise that is stated, where it is of far more: no noise of this size is believed [sds]."""
+        return float(np.sqrt(self.white**2 - 1)) if self.white > NOISIER else 0.0
+
+    @property
+    def off(self) -> float:
+        """Model error held out; where the estimate misses that by far more than noise, all that it misses by [sds]."""
+        missed = float(np.sqrt(self.chi2_ahead / max(self.count_held, 1)))
+        return missed if missed > _FAR_OFF * self.white else self.error_held
+
+    @property
+    def left(self) -> float:
+        """Model error in training or held out, the larger one, with what scatters beyond the noise [noise sds]."""
+        return float(np.hypot(max(self.error, self.off), self.beyond))
 
     @property
     def misses(self) -> bool:

@@ -136,7 +136,7 @@ def decision_sentence(step: Record) -> str:
     if step["action"] == "exchange":
         old, new = effect_name(step["effects"][0]), listed([effect_name(e) for e in step["effects"][1:]])
         if code == "contained":
-            return f"{old} is contained in {new}"
+            return f"{new} contains {old}"
         if code != "accepted":
             return f"{old} contains {new}, and has too little beyond it: {_REASONS[code](numbers)}"
         return f"with {new} in the place of {old} the log evidence is {plain(numbers['odds'])} nats higher"
@@ -153,8 +153,7 @@ def _accepted(numbers: Record) -> str:
 
 def _held_out(numbers: Record) -> str:
     """Return what is missed held out, and by which score: over the intervals of parameters, or by their estimate."""
-    # Results of old do not hold what the estimate alone predicts.
-    held, ahead = numbers["held"], numbers.get("ahead", numbers["held"])
+    held, ahead = numbers["held"], numbers["ahead"]
     if ahead < held and not abs(ahead - held) < _NOTHING:
         alone = _change(ahead, few=True) if abs(ahead) >= _NOTHING else "gains nothing"
         return f"the log evidence {_both(numbers)}, but its estimate alone {alone} there"
@@ -214,6 +213,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     ),
     "unknown": lambda numbers: f"a force of no law; as a function of position and rate it {_both(numbers)}",
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
+    "contained": lambda _: "what was added contains it",
     "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
     "budget": _budget,
 }

@@ -269,11 +269,11 @@ def _model_error(
     """Return the model error before and after in the unit of the output."""
     recording = context.train[0].recording
     noise = float(recording.noise.min())
-    sizes = [c.evidence.error * noise for c in (before, after)]
+    sizes = [float(np.hypot(c.evidence.error, c.evidence.beyond)) * noise for c in (before, after)]
     depends = tuple(d.variable for d in left.dependence if d.share > _DEPENDS and d.p_value < 1e-3)
     share = sizes[1] / sizes[0] if sizes[0] > 0 and np.isfinite(sizes[0]) else 1.0
     least = least_error(after, root, context) * noise
-    held = after.evidence.error_held * noise
+    held = after.evidence.off * noise
     return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, held=held, depends_on=depends)
 
 

@@ -211,7 +211,7 @@ class Search:
 
     def _leaves_noise(self) -> bool:
         """Return whether the model error of the best set cannot be told from none."""
-        return max(self.best.evidence.error, self.best.evidence.error_held) <= self.context.least_error(self.best.model)
+        return self.best.evidence.left <= self.context.least_error(self.best.model)
 
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from discovery.declarations.registry import get_effect
+from discovery.estimation.log_evidence import NOISIER
 from discovery.selection.contender import Contender
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
 from discovery.selection.odds import Odds, between_rivals, odds_of
 from discovery.selection.search import Search
 
-_NOISIER = 2.0  #: Times what is stated that noise may be.
 VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
 
 
@@ -67,9 +67,8 @@ def is_complete(contender: Contender, root: Contender, context: Context) -> bool
     What forgets within a step looks like noise; of far more noise than is stated, it counts as model error.
     """
     evidence = contender.evidence
-    largest = max(evidence.error, evidence.error_held)
-    noise = evidence.nil < context.settings.nats and evidence.alone < _NOISIER
-    return largest <= least_error(contender, root, context) or noise
+    noise = evidence.nil < context.settings.nats and evidence.alone < NOISIER and evidence.off <= evidence.error_held
+    return evidence.left <= least_error(contender, root, context) or noise
 
 
 def verdict_of(added: Sequence[str], geometry: Sequence[str], *, complete: bool) -> str:
