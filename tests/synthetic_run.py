@@ -465,7 +465,6 @@ def write_arm_run(folder: Path) -> dict[str, Any]:
                 },
             ],
         },
-        "multisine": None,
         "fits": {},
         "fit_errors": {
             label: {"position": _errors(size), "angle": _errors(0.7 * size), "radius": _errors(0.5 * size)}
@@ -562,20 +561,6 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
     }
     folder.mkdir(parents=True, exist_ok=True)
     _write_groups(folder / "trajectories.nc", {"train_a": xr.Dataset(variables, {"time": time, "channel": ["output"]})})
-    frequency = np.arange(1, 301) / 2.0
-    kinds = np.where(
-        frequency > 100,
-        "outside",
-        np.where(np.arange(300) % 4 == 0, "excited", np.where(np.arange(300) % 2 == 0, "odd", "even")),
-    )
-    xr.Dataset(
-        {
-            "line_class": ("line", kinds.astype(object)),
-            "output": ("line", np.where(kinds == "excited", 0.01, 2e-5)),
-            "noise": ("line", np.full(300, 1e-5)),
-        },
-        {"frequency": ("line", frequency)},
-    ).to_netcdf(folder / "multisine.nc", engine="h5netcdf")
     values = {
         "xi": (14.0, 0.1, "s^-1"),
         "alpha": (1.9e5, 30.0, "s^-2"),
@@ -604,35 +589,6 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
         ],
         "discovery": _discovery("oscillator"),
         "radius": None,
-        "multisine": {
-            "kind": "odd",
-            "unit": "V",
-            "distortions": [
-                {
-                    "parity": "odd",
-                    "basis": "unexcited lines",
-                    "lines": 40,
-                    "level": 1.234e-3,
-                    "noise": 2e-5,
-                    "ratio_db": 35.67,
-                    "limit_db": 1.0,
-                    "peak": 40.0,
-                    "detected": True,
-                },
-                {
-                    "parity": "even",
-                    "basis": "unexcited lines",
-                    "lines": 40,
-                    "level": None,
-                    "noise": None,
-                    "ratio_db": None,
-                    "limit_db": 1.0,
-                    "peak": 40.0,
-                    "detected": None,
-                },
-            ],
-            "verdict": ["noise: 0.0002 V rms (period to period)", "odd nonlinearity: yes"],
-        },
         "fits": {},
         "fit_errors": {"linear": {"position": _errors(7e-3)}, "declared": {"position": _errors(2.2e-4)}},
         "posterior": None,
@@ -664,9 +620,8 @@ def write_oscillator_run(folder: Path) -> dict[str, Any]:
 def write_loop_run(folder: Path) -> dict[str, Any]:
     """Write what the page of a loop alone is made of: no regression, no fits side by side, no posterior."""
     results = write_oscillator_run(folder)
-    for name in ("discovery", "radius", "multisine", "fits", "fit_errors", "posterior", "elastica"):
+    for name in ("discovery", "radius", "fits", "fit_errors", "posterior", "elastica"):
         del results[name]
-    (folder / "multisine.nc").unlink()
     results["scope"] = "loop"
     write_json(folder / "results.json", results)
     return results

@@ -765,7 +765,7 @@ def test_a_motion_that_blows_up_is_status_3(case: Case, tmp_path: Path, capsys: 
 @pytest.mark.parametrize(
     ("command", "file", "keys"),
     [
-        ("discover", "discovery.json", {"provenance", "discovery", "radius", "multisine"}),
+        ("discover", "discovery.json", {"provenance", "discovery", "radius"}),
         ("fit", "fit.json", {"provenance", "fits", "fit_errors"}),
         ("elastica", "elastica.json", {"provenance", "prediction", "comparison", "delta_max"}),
         ("residual", "residual.json", {"provenance", "rms", "systematic", "white", "ljung_box_p"}),

@@ -180,7 +180,7 @@ def gathered(folder: Path, word: str, *names: str) -> Path:
 def test_a_run_that_dies_while_it_saves_leaves_no_mixture(
     moves: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    move_in_place(gathered(tmp_path, "old", "trajectories.nc", "multisine.nc", "manoeuvre_1.csv"), tmp_path)
+    move_in_place(gathered(tmp_path, "old", "trajectories.nc", "laws.nc", "manoeuvre_1.csv"), tmp_path)
     (tmp_path / "report.html").write_text("old")
     check_whole(tmp_path, read_json(tmp_path / "results.json"))
     left = iter(range(moves))

@@ -164,15 +164,12 @@ def test_an_arm_has_every_figure(arm: Made) -> None:
 def test_an_oscillator_shows_what_it_has(oscillator: Made) -> None:
     folder, _, page = oscillator
     names = {p.stem for p in (folder / "figures").iterdir()}
-    assert {"comparison", "errors", "motion", "phase", "multisine", "residual", "spectrum", "time_train_a"} <= names
+    assert {"comparison", "errors", "motion", "phase", "residual", "spectrum", "time_train_a"} <= names
     assert "model_error" in names
     assert not names & {"corner", "spring_law", "radius_law", "amplitude", "odds", "ranking_1"}
     assert "Check against the elastica" not in page
     assert "This run sampled no posterior." in page
     assert "The final model is the declared one." in page
-    assert "Odd nonlinearity: yes." in page
-    assert "1.23" in page  # distortion, in mV
-    assert "35.7" in page
 
 
 def test_the_verdict_comes_first_and_in_order(arm: Made) -> None:

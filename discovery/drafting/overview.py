@@ -14,7 +14,7 @@ from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import mean_rate, median_step
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment
-from discovery.signals.spectral_lines import find_periods
+from discovery.signals.periods import find_periods
 
 #: Of a step, by which times of a steady rate may differ.
 _JITTER = 0.05

@@ -190,23 +190,3 @@ def model_error_table(run: Run) -> Table:
         "with the parameters, and is one standard deviation."
     )
     return Table("model_error", caption, ("", "size", "unit"), cells, ("quantity", "value", "unit"), raw, text=(0, 2))
-
-
-def distortion_table(run: Run) -> Table | None:
-    """Return what a multisine's unexcited lines say."""
-    multisine = run.results.get("multisine")
-    if not multisine or not multisine.get("distortions"):
-        return None
-    unit = multisine["unit"]
-    keys = ("parity", "basis", "lines", "level", "noise", "ratio_db", "limit_db", "peak", "detected")
-    cells = []
-    for d in multisine["distortions"]:
-        scale = scale_for(unit, d["level"] or d["noise"] or 0.0)
-        verdict = {True: "yes", False: "no"}.get(d["detected"], "cannot be judged")
-        levels = [scale.text(x) for x in (d["level"], d["noise"])]
-        ratios = [significant(d["ratio_db"]), significant(d["limit_db"])]
-        cells.append([d["parity"], d["basis"], f"{d['lines']}", *levels, scale.symbol, *ratios, verdict])
-    sizes = ("level, rms", "noise, rms", "unit", "over noise [dB]", "limit [dB]")
-    head = ("nonlinearity", "seen on", "lines", *sizes, "detected")
-    caption = f"Nonlinear distortion of the {multisine['kind']} multisine, before any term is proposed."
-    return Table("distortion", caption, head, cells, keys, multisine["distortions"], text=(0, 1, 5, 8))

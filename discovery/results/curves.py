@@ -123,18 +123,6 @@ def forces(reconstructed) -> dict[str, xr.Dataset]:
     }
 
 
-def lines(multisine) -> xr.Dataset:
-    """Return the output and the noise at every line of a multisine, with the line's class."""
-    return xr.Dataset(
-        {
-            "line_class": (("line",), np.asarray(multisine.line_class, dtype=object)),
-            "output": (("line",), multisine.output),
-            "noise": (("line",), multisine.noise),
-        },
-        {"frequency": (("line",), multisine.frequency)},
-    )
-
-
 def measured_radius(dataset: Dataset) -> xr.Dataset | None:
     """Return measured deflection and radius over length of the first training recordings, thinned."""
     parts = []

@@ -18,7 +18,6 @@ RESULTS = (
     "trajectories.nc",
     "amplitude.nc",
     "laws.nc",
-    "multisine.nc",
     "force.nc",
     "loop.json",
     "results.json",

@@ -18,7 +18,6 @@ from discovery.results.manifest import check_whole
 from discovery.results.provenance import plain, read_json, restored
 from discovery.runs import stages
 from discovery.runs.loop_result import LoopResult
-from discovery.runs.regression_stage import Discovered
 
 if TYPE_CHECKING:
     from discovery.foundation.progress import Progress
@@ -41,7 +40,6 @@ class Answer:
     out: Path
     seed: int
     content: Mapping[str, Any]
-    discovered: Discovered | None
     fits: stages.Fits
     loop: LoopResult
     missing: MissingForce | None

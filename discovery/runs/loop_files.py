@@ -74,7 +74,7 @@ def gather_loop(folder: Path, dataset: Dataset, result: LoopResult, missing: Mis
 
 
 def save_curves(
-    folder: Path, dataset: Dataset, predictions, *, bands=(), posterior=None, discovered=None, elastica=None,
+    folder: Path, dataset: Dataset, predictions, *, bands=(), posterior=None, elastica=None,
     missing: MissingForce | None = None,
 ) -> None:  # fmt: skip
     """Save what the report draws."""
@@ -89,8 +89,6 @@ def save_curves(
         if points is not None:
             groups["measured"] = points
         curves.save_groups(folder / "laws.nc", groups)
-    if discovered is not None and discovered.multisine is not None:
-        curves.save_groups(folder / "multisine.nc", {"/": curves.lines(discovered.multisine)})
     if missing is not None:
         curves.save_groups(folder / "force.nc", curves.forces(missing.forces))
 

@@ -121,7 +121,7 @@ def answer(
         "provenance": provenance(dataset, seed=seed, command=command) | took,
         **of_loop(dataset, loop, missing),
         "data_note": note,
-        **(discovered.summary() if discovered else dict.fromkeys(("discovery", "radius", "multisine"))),
+        **(discovered.summary() if discovered else dict.fromkeys(("discovery", "radius"))),
         **fits.summary(),
         "test": stages.scored(loop, dataset, progress=progress),
         "continued": stages.continued(loop, dataset, progress=progress),
@@ -129,7 +129,7 @@ def answer(
         "models": models_of(loop),
     }
     made: dict[str, Any] = {"loop": loop, "missing": missing, "predictions": predictions}
-    found = Answer(dataset, out, seed=seed, content=content, discovered=discovered, fits=fits, **made)
+    found = Answer(dataset, out, seed=seed, content=content, fits=fits, **made)
     if not (with_posterior and found.kept):
         left = Sampled(because="running" if with_posterior else "asked")
         _save(found, left, progress=progress, first=True)
@@ -216,7 +216,7 @@ def _save(found: Answer, done: Sampled, *, progress: Tell, first: bool = False) 
         if study is not None and study.bands:
             curves.save_groups(beside / "predictive.nc", study.curves())
         drawn = {"bands": study.bands if study else (), "posterior": posterior, "elastica": elastica}
-        save_curves(beside, dataset, found.predictions, discovered=found.discovered, missing=found.missing, **drawn)
+        save_curves(beside, dataset, found.predictions, missing=found.missing, **drawn)
         write_loop(beside, found.loop, alone=False)
         files = hashes(beside, sorted(path.name for path in beside.iterdir()))
         content["provenance"] = {**content["provenance"], "files": files}

@@ -1,4 +1,4 @@
-"""The stage of sparse regression: the terms that recordings show, the radius law, the distortion of a multisine."""
+"""The stage of sparse regression: the terms that recordings show, and the radius law."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ class Discovered:
 
     equation: Any
     radius: Any = None
-    multisine: Any = None
 
     def __repr__(self) -> str:
         """Return the terms of the equation, and how many others fit equally."""
@@ -64,8 +63,7 @@ class Discovered:
             keys = ("gamma", "sd", "drift", "dynamic", "interval", "noise_ratio", "status")
             radius = {k: getattr(law, k) for k in keys}
             radius |= {"preferred": asdict(law.preferred), "rivals": law.summary()}
-        lines = None if self.multisine is None else self.multisine.summary()
-        return {"discovery": found, "radius": radius, "multisine": lines}
+        return {"discovery": found, "radius": radius}
 
 
 def can_discover(rig: Rig) -> bool:
@@ -120,10 +118,4 @@ def discover(dataset: Dataset, *, seed: int = 1, progress: Tell | None = None) -
     if all(m.radius is not None for m in motions):
         tell("searching for the radius law")
         radius = discover_radius(motions, rng=rng)
-    multisine = None
-    if not dataset.train[0].system.has_rod and dataset.train[0].recording.input is not None:
-        from discovery.signals.distortion import analyse_multisine
-
-        tell("reading the multisine's own lines")
-        multisine = analyse_multisine(dataset.train[0].recording)
-    return Discovered(equation, radius, multisine)
+    return Discovered(equation, radius)

@@ -1,4 +1,4 @@
-"""What recorded signals say by themselves: derivatives, periods, spectra, distortion and decay.
+"""What recorded signals say by themselves: derivatives, periods, spectra and decay.
 
 Here belongs analysis that needs no model. Candidate terms and parameters do not.
 """

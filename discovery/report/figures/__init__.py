@@ -16,7 +16,7 @@ Draw = Callable[[Run], Picture | list[Picture] | None]
 SECTIONS: dict[str, tuple[Draw, ...]] = {
     "first": (predictions.draw_comparison,),
     "answer": (predictions.draw_errors,),
-    "data": (motion.draw_motion, motion.draw_deflections, motion.draw_phase, motion.draw_multisine),
+    "data": (motion.draw_motion, motion.draw_deflections, motion.draw_phase),
     "equation": (search.draw_inclusion,),
     "parameters": (posterior.draw_corner,),
     "marginals": (posterior.draw_marginals,),

@@ -1,8 +1,6 @@
-"""What was recorded: signals in time, the motion in its plane, its decay, and the lines of a multisine."""
+"""What was recorded: signals in time, the motion in its plane, and its decay."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -151,41 +149,3 @@ def draw_amplitude(run: Run) -> Picture | None:
     )
     alt = "Two panels: frequency and decay rate against amplitude, measured points and a line for each model."
     return Picture("amplitude", figure, caption, alt)
-
-
-_LOOK = {
-    "excited": (style.BLUE, "o", "excited lines"),
-    "odd": (style.RED, "s", "odd lines, not excited"),
-    "even": (style.ORANGE, "^", "even lines, not excited"),
-    "outside": (style.SKY, ".", "outside the band"),
-}
-_MOST = 1500
-
-
-def draw_multisine(run: Run) -> Picture | None:
-    """Return the level of every line by class, over the noise; None where the input was no multisine."""
-    lines = run.open("multisine.nc")
-    if lines is None:
-        return None
-    frequency, level, noise = (lines[n].to_numpy() for n in ("frequency", "output", "noise"))
-    kinds = lines["line_class"].to_numpy().astype(str)
-    unit = str((run.results.get("multisine") or {}).get("unit", ""))
-    scale = scale_for(unit, float(np.nanmax(level)))
-    figure = new_figure(3.4)
-    axes = figure.subplots()
-    for kind, (colour, marker, name) in _LOOK.items():
-        here = np.flatnonzero(kinds == kind)
-        here = here[:: max(1, here.size // _MOST)]
-        if here.size:
-            look: Any = {"color": colour, "markersize": 2.5, "label": name, "rasterized": True}
-            axes.plot(frequency[here], level[here] * scale.factor, marker, **look)
-    if np.isfinite(noise).any():
-        axes.plot(frequency, noise * scale.factor, **style.MARK, label="noise")
-    axes.set(yscale="log", xlabel="frequency [Hz]", ylabel=label("output level, rms of a line", scale.symbol))
-    figure.legend(loc="outside upper left", ncols=2, markerscale=2.5)
-    caption = (
-        "Output at every line of the multisine. What stands above the noise on lines that were not excited is "
-        "distortion."
-    )
-    alt = "Level of the output against frequency at excited, odd unexcited and even unexcited lines, with the noise."
-    return Picture("multisine", figure, caption, alt)
