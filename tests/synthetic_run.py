@@ -255,7 +255,7 @@ def _study(rows: list[dict[str, Any]]) -> dict[str, Any]:
         ],
         "correlations": {
             "names": names, "matrix": matrix.tolist(),
-            "pairs": [{"pair": ["alpha", "beta"], "correlation": -0.9712, "meaning": "alpha is one and beta another"}],
+            "pairs": [{"pair": ["alpha", "beta"], "correlation": -0.9712}],
         },
         "autocorrelation": {
             "lags": [0.0, 2.0, 4.0], "tau": dict.fromkeys(names, 3.25),

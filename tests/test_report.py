@@ -687,8 +687,8 @@ def test_no_prior_that_matters_is_told_too(tmp_path: Path) -> None:
     assert posterior.prior_sentence(Run(tmp_path, results)).startswith("No parameter leans on its prior")
 
 
-def test_what_parameters_share_is_told(arm: Made) -> None:
-    assert "<li>α and β (−0.97, one rises where the other falls): α is one and β another.</li>" in arm[2]
+def test_parameters_that_depend_on_each_other_are_told(arm: Made) -> None:
+    assert "<li>α and β: −0.97, one rises where the other falls.</li>" in arm[2]
 
 
 def test_how_many_readings_the_bands_hold(arm: Made) -> None:
@@ -957,7 +957,7 @@ def test_a_posterior_alone_has_no_further_sections(tmp_path: Path) -> None:
     del results["noise"], results["evidence"]
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")
     page = build_report(tmp_path).read_text(encoding="utf-8")
-    for title in ("Which noise", "Prior, likelihood", "What the parameters share", "converge?", "what is read?"):
+    for title in ("Which noise", "Prior, likelihood", "depend on each other?", "converge?", "what is read?"):
         assert title not in page
     assert "corner" in {p.stem for p in (tmp_path / "figures").iterdir()}
 

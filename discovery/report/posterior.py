@@ -1,4 +1,4 @@
-"""Tables and sentences of the posterior: convergence, priors, what parameters share, predictions, rivals."""
+"""Tables and sentences of the posterior: convergence, priors, correlations, predictions, rivals."""
 
 from __future__ import annotations
 
@@ -99,12 +99,12 @@ def _open(ends: list[float | None]) -> str:
 
 
 def correlation_sentences(run: Run) -> list[str]:
-    """Return what the parameters that depend on each other share, the strongest pair first."""
+    """Return which parameters depend on each other, and how, the strongest pair first."""
     found = []
     for p in (run.posterior.get("correlations") or {}).get("pairs", ()):
         a, b = (prose(n) for n in p["pair"])
         how = "rise together" if p["correlation"] > 0 else "one rises where the other falls"
-        found.append(f"{a} and {b} ({significant(p['correlation'], 2)}, {how}): {prose(p['meaning'])}.")
+        found.append(f"{a} and {b}: {significant(p['correlation'], 2)}, {how}.")
     return found
 
 
