@@ -12,6 +12,8 @@ from discovery_datasets.twin import simulate as simulate_twin
 from scipy.integrate import simpson
 from test_mechanics import exact_drive, mechanics_program
 
+from benchmarks.paper.theory.arm_motion import fitted_coupling, integrate, move_arm
+from benchmarks.paper.theory.coupling import Arm, effective_inertia
 from benchmarks.paper.theory.drivetrain.driven_arm import drive_arm
 from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR, PositionController
 from benchmarks.paper.theory.elastica.force_map import load_at_tip
@@ -38,8 +40,6 @@ from discovery.rigs.rig_file import read_rig
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
-from discovery.theory.arm_motion import fitted_coupling, integrate, move_arm
-from discovery.theory.coupling import Arm, effective_inertia
 
 INERTIA = PAPER_RIG.effective_mass * PAPER_RIG.length**2
 ALPHA = 3 * PAPER_RIG.flexural_rigidity / (PAPER_RIG.effective_mass * PAPER_RIG.length**3)

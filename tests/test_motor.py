@@ -9,6 +9,8 @@ from discovery_datasets.manoeuvres import trapezoid
 from scipy.integrate import simpson
 from test_coupling import PLAIN, arm_on
 
+from benchmarks.paper.theory.arm_motion import move_arm
+from benchmarks.paper.theory.coupling import Arm
 from benchmarks.paper.theory.drivetrain.driven_arm import DrivenMotion, drive_arm
 from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR, Motor, PositionController
 from benchmarks.paper.theory.drivetrain.study import PAPER_ARM, EncoderStudy, encoder_as_input, trapezoid_command
@@ -17,8 +19,6 @@ from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
 from discovery.recordings.drive import Drive
 from discovery.simulation.kernel.compile import numpy_derivative
-from discovery.theory.arm_motion import move_arm
-from discovery.theory.coupling import Arm
 
 TEN_HERTZ = PositionController(2 * np.pi * 10)
 #: A controller so weak that the motor is free.

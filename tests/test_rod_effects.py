@@ -17,6 +17,7 @@ from test_effects import TestCatalogue as Contract
 from test_effects import planted
 from test_mechanics import exact_drive
 
+from benchmarks.paper.theory.coupling import Arm
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ARM, Dissipation
 from discovery.declarations.parameters import Parameter
@@ -36,7 +37,6 @@ from discovery.rigs.rig import Quantity, Rig
 from discovery.simulation.kernel.compile import numpy_derivative
 from discovery.simulation.simulate import Simulator
 from discovery.testing.states import every_effect
-from discovery.theory.coupling import Arm
 
 PLAIN = ("viscous_damping", "linear_stiffness")
 LENGTH, INERTIA = PAPER_RIG.length, PAPER_RIG.effective_mass * PAPER_RIG.length**2

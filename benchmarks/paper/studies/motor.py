@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from benchmarks.paper.paper_fit import LINEAR, paper_models
 from benchmarks.paper.stand import manoeuvre, stand
 from benchmarks.paper.studies.dynamics import general_arm, true_drive
+from benchmarks.paper.theory.arm_motion import move_arm
+from benchmarks.paper.theory.coupling import Arm
 from benchmarks.paper.theory.drivetrain.driven_arm import drive_arm
 from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR, PositionController
 from benchmarks.paper.theory.drivetrain.study import encoder_as_input
 from benchmarks.paper.theory.massless_arm.simulation import simulate_general
 from discovery.equations.model import Model
 from discovery.rigs.kinds import PAPER_MODEL
-from discovery.theory.arm_motion import move_arm
-from discovery.theory.coupling import Arm
 
 FloatArray = NDArray[np.float64]
 

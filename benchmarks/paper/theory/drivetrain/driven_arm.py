@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.paper.theory.arm_motion import check_start, integrate
+from benchmarks.paper.theory.coupling import Arm
 from benchmarks.paper.theory.drivetrain.motor import Motor, PositionController
 from discovery.simulation.grid import DriveLike
-from discovery.theory.arm_motion import check_start, integrate
-from discovery.theory.coupling import Arm
 
 FloatArray = NDArray[np.float64]
 

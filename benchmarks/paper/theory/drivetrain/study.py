@@ -24,6 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.paper.theory.arm_motion import move_arm
+from benchmarks.paper.theory.coupling import Arm
 from benchmarks.paper.theory.drivetrain.driven_arm import DrivenMotion, drive_arm
 from benchmarks.paper.theory.drivetrain.motor import ASSUMED_MOTOR, Motor, PositionController
 from discovery.equations.model import Model
@@ -34,8 +36,6 @@ from discovery.recordings.experiment import Experiment, make_experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.kinds import PAPER_MODEL
 from discovery.rigs.rig import Quantity, Rig
-from discovery.theory.arm_motion import move_arm
-from discovery.theory.coupling import Arm
 
 FloatArray = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.paper.theory.coupling import Arm, effective_inertia
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, SimulationFailure
 from discovery.simulation.grid import DriveLike
-from discovery.theory.coupling import Arm, effective_inertia
 
 if TYPE_CHECKING:
     from discovery.estimation.fit import Fit
