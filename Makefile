@@ -19,6 +19,7 @@ CASES ?= 300
 # What results are made from, and what only their pages are made from.
 PAGE := $(sort $(shell find discovery/report -type f ! -name '*.pyc'))
 CONTROL := $(sort $(shell find benchmarks/closed_loop -type f ! -name '*.pyc'))
+DASHBOARD := $(sort $(shell find benchmarks/dashboard -type f ! -name '*.pyc'))
 PAPER := $(sort $(shell find benchmarks/paper -type f ! -name '*.pyc'))
 CODE := $(sort $(filter-out discovery/report/%,$(shell find discovery -name '*.py' -o -name '*.txt')) \
 	$(wildcard datasets/discovery_datasets/*.py datasets/discovery_datasets/*.toml)) requirements.lock
@@ -83,9 +84,9 @@ reports/paper/report.html: reports/paper/studies.json $(PAGE) $(PAPER)
 	@[ -z "$$(find $^ -newer $@ 2>&1)" ] || $(BIN)/python -m benchmarks.paper $(@D)
 	@touch $@
 
-reports/index.html: $(PAGES) $(LOOPS) reports/closed_loop/report.html $(PAGE)
+reports/index.html: $(PAGES) $(LOOPS) reports/closed_loop/report.html $(PAGE) $(DASHBOARD)
 	@$(if $(SILVERBOX),:,echo "the Silverbox is left out: its recording is not here. Set DISCOVERY_DATA to the folder that holds silverbox/SNLS80mV.mat (or: $(BIN)/discovery data fetch silverbox/SNLS80mV.mat) and make again")
-	@$(BIN)/python -m discovery.report.index reports
+	@$(BIN)/python -m benchmarks.dashboard reports
 
 .PRECIOUS: reports/measured/%/results.json
 # The rigs whose recordings are at hand, the largest first, two side by side. A rig that fails does not stop the others,

@@ -13,9 +13,9 @@ import synthetic_run
 from benchmarks.closed_loop import study
 from benchmarks.closed_loop.__main__ import main
 from benchmarks.closed_loop.page import markdown
+from benchmarks.dashboard.page import build_index
 from discovery.equations.model import Model
 from discovery.export import FittedModel
-from discovery.report.index import build_index
 from discovery.report.numbers import significant
 from discovery.results.provenance import write_json
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.dashboard.page import build_index
 from discovery.cli import main
 from discovery.report import build_report
 from discovery.report.doubt_sentences import failure_sentence, remedy_sentence
-from discovery.report.index import build_index
 from discovery.report.sentences import verdict_sentence
 
 #: The words and files of pages are what is tested here.

@@ -21,6 +21,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.dashboard.page import build_index
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.diagnosis.missing_force import missing_force
@@ -37,7 +38,6 @@ from discovery.report.equations import drive_symbols, model_formulas
 from discovery.report.estimates import posterior_table
 from discovery.report.figures import laws, motion, residual
 from discovery.report.figures.search import LOSS, draw_model_error, draw_ranking, nats_axis
-from discovery.report.index import build_index
 from discovery.report.mathml import block, broken, inline
 from discovery.report.noise import honest_table, noise_differs, noise_sentence
 from discovery.report.numbers import (

@@ -1,12 +1,8 @@
-"""The dashboard over all runs: a card for each with its verdict, a picture, and the error before and after.
-
-Run it as ``python -m discovery.report.index FOLDER``, where each run has a folder of its own in FOLDER.
-"""
+"""The page of the dashboard, from the files of the runs alone."""
 
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -58,7 +54,8 @@ def build_index(folder: Path) -> Path:
         ],
         "pages": _pages(folder),
     }
-    return written(folder / "index.html", environment().get_template("index.html.j2").render(context))
+    template = environment("benchmarks.dashboard").get_template("index.html.j2")
+    return written(folder / "index.html", template.render(context))
 
 
 def _pages(folder: Path) -> list[tuple[str, str, str]]:
@@ -97,12 +94,3 @@ def _effect(effect: Mapping[str, Any], coordinate: str) -> str:
     rivals = "".join(f" or {effect_name(r)}" for r in effect["ambiguous_with"])
     told = list(filter(None, [values, chances(effect["evidence"]["odds"]) if effect["evidence"] else ""]))
     return effect_name(effect["id"]) + rivals + (f" ({'; '.join(told)})" if told else "")
-
-
-if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit("usage: python -m discovery.report.index FOLDER")
-    try:
-        print(build_index(Path(sys.argv[1])))
-    except InputError as error:
-        sys.exit(f"discovery: {error}")
