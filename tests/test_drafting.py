@@ -184,6 +184,15 @@ def test_of_several_causes_the_one_that_states_its_unit_is_the_input(tmp_path: P
     assert drafted(path)["columns"]["input"]["name"] == given
 
 
+@pytest.mark.parametrize(("count", "unit"), [(345, "s"), (4000, "ms")])
+def test_a_clock_that_rises_by_one_is_asked_for(tmp_path: Path, count: int, unit: str) -> None:
+    clock, rng = np.arange(count, dtype=float), np.random.default_rng(1)
+    rows = np.column_stack([clock, np.exp(-2 * clock / count) + 1e-3 * rng.normal(size=count)])
+    np.savetxt(tmp_path / "tank.csv", rows, delimiter=",", fmt="%.6f")
+    text = draft([tmp_path / "tank.csv"], tmp_path)
+    assert f'time = {{ name = "c1", unit = "{unit}" }}   # FILL IN the unit, s or ms' in text
+
+
 def test_of_several_motions_the_first_that_moves_is_the_output(tmp_path: Path) -> None:
     still = np.round(492 + RNG.normal(0.0, 0.4, TIME.size))
     document = drafted(written(tmp_path, "a.csv", "t_s,pos_a,pos_b,pos_c", TIME, still, 30.0 * SWING, 20.0 * SWING))

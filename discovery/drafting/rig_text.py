@@ -19,7 +19,7 @@ from discovery.drafting.signals import Signal, Signals, angle_unit, find_signals
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
-from discovery.foundation.sampling import mean_rate
+from discovery.foundation.sampling import mean_rate, median_step
 from discovery.recordings.file_signals import ARM_STEMS
 from discovery.recordings.reading_noise import estimate_noise
 from discovery.recordings.renewals import renewals
@@ -254,6 +254,8 @@ def _guessed(signal: Signal) -> str:
     """Say that a unit is a guess, and for one that nobody can know, what then holds."""
     if not signal.guessed:
         return ""
+    if signal.unit in ("s", "ms") and median_step(signal.values) == 1.0:
+        return "FILL IN the unit, s or ms, which neither name nor numbers tell; "
     return "FILL IN the unit, which the name does not state; " if signal.unit == "1" else "unit guessed; "
 
 

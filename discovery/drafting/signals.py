@@ -29,6 +29,7 @@ _NEEDED, _FEWEST = {"time", "output"}, 3
 _NO_PLACES = {"height", "speed", "acceleration"}
 #: Of its noise, the least that a motion is.
 _MOVING = 5.0
+_FEW = 1000  # readings: fewer, a thousand a second, would be of less than a second
 #: Words for an angle, and for what turns, beside a velocity.
 _ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
 _TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
@@ -262,8 +263,9 @@ def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
         return Signal(name, unit, False, values)
     if role == "time":
         step = median_step(values)
-        # Nobody samples a motion once a second: whole numbers count milliseconds or microseconds.
-        unit = "s" if step < 1.0 else "ms" if step < 500.0 else "us"
+        # Hardly a motion is read once a second: whole numbers count milliseconds or microseconds, unless they are few.
+        seconds = step < 1.0 or (step == 1.0 and values.size < _FEW)
+        unit = "s" if seconds else "ms" if step < 500.0 else "us"
     elif role == "output" and _ANGLES.intersection(words_of(name)):
         unit = angle_unit(values)
     elif role == "output" and meanings[name].role == "height":
