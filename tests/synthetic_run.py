@@ -220,7 +220,7 @@ def _write_posterior(folder: Path, rows: list[dict[str, Any]]) -> None:
     }
     said = {r["name"]: {"tau": 1.5 + 0.1 * i} for i, r in enumerate(rows)}
     provenance = {"noise": "gaussian", "steps": 160, "burn_in": 40, "walkers": 16, "thin": 3}
-    origin = {"provenance": provenance, "acceptance": {"independence": 0.8765, "snooker": 0.4567}}
+    origin = {"provenance": provenance, "acceptance": {"independence": 0.8765, "stretch": 0.4567}}
     attributes = {key: json.dumps(value) for key, value in origin.items()}
     _write_groups(folder / "posterior.nc", {"posterior": arranged(draws, said).assign_attrs(attributes)})
 

@@ -652,7 +652,7 @@ def test_whether_the_sampler_converged_is_told(arm: Made) -> None:
     assert (
         "Yes: 4 independent ensembles of 16 walkers each; the worst R-hat is 1.0012 (ξ; limit 1.01); the fewest "
         "effective samples are 5120 (ξ); 120 steps after burn-in are 60 times the longest autocorrelation time, 2.00 "
-        "steps (limit 50 times); accepted proposals by move: independence 88 % and snooker 46 %."
+        "steps (limit 50 times); accepted proposals by move: independence 88 % and stretch 46 %."
     ) in plain
     quick = Run(folder, results)
     quick.__dict__["sampling"] = {**quick.sampling, "method": "independence", "pareto_k": 0.1234}

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.random import Generator
+from numpy.random import Generator, RandomState
 
 from discovery.foundation.arrays import FloatArray
 
@@ -43,7 +43,7 @@ class Proposal:
         """Return the proposal for a density that is roughly a standard normal one."""
         return cls(np.zeros(dimension), np.eye(dimension), frame)
 
-    def draw(self, rng: Generator, count: int) -> tuple[FloatArray, FloatArray]:
+    def draw(self, rng: Generator | RandomState, count: int) -> tuple[FloatArray, FloatArray]:
         """Return independent draws, shape (count, d), and their log densities, shape (count,)."""
         t = rng.standard_normal((count, self.centre.size)) / np.sqrt(rng.chisquare(_DOF, count) / _DOF)[:, None]
         t *= np.where(rng.random(count) < _DEFENCE, _WIDER, 1.0)[:, None]

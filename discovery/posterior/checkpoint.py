@@ -9,7 +9,6 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,13 @@ import emcee
 import h5py
 import numpy as np
 
+from discovery.estimation.proposal import Proposal
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import atomic_write
 from discovery.posterior.ensembles import Ensemble
-from discovery.posterior.moves import StudentMixture
 
-_PROPOSAL = tuple(field.name for field in fields(StudentMixture))
+_PROPOSAL = ("centre", "factor")
 #: Points that are asked for together, in whole lanes of the kernel, and seconds after which what was done is kept.
 _BLOCK, _KEPT_AFTER = 512, 2.0
 
@@ -89,7 +88,7 @@ def restore(path: str | os.PathLike[str], ensembles: Sequence[Ensemble], run: st
 def _restore(ensemble: Ensemble, group: Any) -> None:
     attributes = group.attrs
     ensemble.chain, ensemble.log_prob = group["chain"][:], group["log_prob"][:]
-    ensemble.independence.proposal = StudentMixture(*(group[name][:] for name in _PROPOSAL))
+    ensemble.independence.proposal = Proposal(*(group[name][:] for name in _PROPOSAL))
     ensemble.adapted, ensemble.informed = int(attributes["adapted"]), bool(attributes["informed"])
     random = (
         str(attributes["random_name"]),

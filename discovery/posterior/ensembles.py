@@ -16,10 +16,11 @@ import emcee
 import numpy as np
 from numpy.random import MT19937, Generator, RandomState, SeedSequence
 
+from discovery.estimation.proposal import Proposal
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.workers import single_algebra
-from discovery.posterior.moves import Counted, DifferentialEvolution, IndependenceMove, Snooker, Stretch, StudentMixture
+from discovery.posterior.moves import Counted, IndependenceMove
 
 LogDensity = Callable[[FloatArray], FloatArray]
 
@@ -30,10 +31,10 @@ _GROWTH = 0.4
 #: The first block sees the density's 16th root: walkers spread over all peaks within some ten standard deviations.
 TEMPERED, _TEMPERATURE = 20, 16.0
 # Proposals accepted less often than this, or a walker that rejects so many of them in a row, ask for a better proposal.
-_WELL_ACCEPTED, _STICKING = 0.75, 10.0
+_WELL_ACCEPTED, _STICKING = 0.5, 10.0
 # How often each move is made, while it is unknown whether the proposal resembles the posterior, and where it does.
-_EXPLORING = {"independence": 0.6, "differential_evolution": 0.25, "snooker": 0.05, "stretch": 0.1}
-_INFORMED = {"independence": 0.94, "differential_evolution": 0.03, "snooker": 0.01, "stretch": 0.02}
+_EXPLORING = {"independence": 0.6, "differential_evolution": 0.2, "jump": 0.1, "stretch": 0.1}
+_INFORMED = {"independence": 0.94, "differential_evolution": 0.02, "jump": 0.02, "stretch": 0.02}
 _ATTEMPTS = 100
 # Seconds after which what was done is kept, also within a block.
 _KEPT_AFTER = 2.0
@@ -52,12 +53,15 @@ class Ensemble:
     def __init__(self, log_density: LogDensity, coords: FloatArray, random_state: tuple[Any, ...]) -> None:
         check_walkers(coords)
         self.state = emcee.State(coords, log_prob=log_density(coords), random_state=random_state)
-        self.independence = IndependenceMove(StudentMixture.standard(coords.shape[1], math.sqrt(_TEMPERATURE)))
+        d = coords.shape[1]
+        self.independence = IndependenceMove(Proposal(np.zeros(d), math.sqrt(_TEMPERATURE) * np.eye(d)))
         self.moves = {
             "independence": Counted(self.independence),
-            "differential_evolution": Counted(DifferentialEvolution()),
-            "snooker": Counted(Snooker()),
-            "stretch": Counted(Stretch()),
+            "differential_evolution": Counted(emcee.moves.DEMove()),
+            # As far as one walker is from another: from peak to peak (C. ter Braak, Statistics and Computing 16 (2006)
+            # 239).
+            "jump": Counted(emcee.moves.DEMove(gamma0=1.0)),
+            "stretch": Counted(emcee.moves.StretchMove()),
         }
         #: Whether the proposal is known to resemble the posterior.
         self.informed = False
@@ -86,20 +90,20 @@ class Ensemble:
 
     def adapt(self) -> None:
         """Fit the proposal to the walkers where it is hardly accepted; make it often where it is well accepted."""
-        done = len(self.chain)
+        done, standard = len(self.chain), Proposal.standard(self.chain.shape[2])
         if done == TEMPERED:
-            self._propose(StudentMixture.standard(self.chain.shape[2]))
+            self._propose(standard)
         elif done in _ADAPTATIONS:
             recent = slice(3 * done // 4, None)
             points = self.chain[recent].reshape(-1, self.chain.shape[2])
             well = self._well_accepted(points, self.log_prob[recent].ravel())
             if not well:
-                self._propose(StudentMixture.of_points(points, seed=done))
+                self._propose(standard.adapted(points, np.full(len(points), 1 / len(points))))
             elif not self.informed:
                 self._propose(self.independence.proposal)
             self.informed = well
 
-    def _propose(self, proposal: StudentMixture) -> None:
+    def _propose(self, proposal: Proposal) -> None:
         self.independence.proposal, self.adapted = proposal, len(self.chain)
         for move in self.moves.values():
             move.proposed = move.accepted = 0
