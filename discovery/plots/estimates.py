@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from html import escape
 from typing import TYPE_CHECKING, Any
 
-from discovery.foundation.html_table import html_table
 from discovery.foundation.start_names import is_start, start_of, start_word
 from discovery.plots.axes import axes_below
 
@@ -24,13 +24,8 @@ class FitViews:
         return f"<Fit of {' + '.join(self.model.effects)}: {free}; reduced chi-square {self.reduced_chi2:.4g}>"
 
     def _repr_html_(self: Any) -> str:
-        rows = [
-            (name, entry["value"], entry["sd"], entry["unit"])
-            for name, entry in self.summary()["parameters"].items()
-            if not is_start(name)
-        ]
         told = f"{self.status} Reduced chi-square {self.reduced_chi2:.4g}."
-        return html_table(" + ".join(self.model.effects), ("parameter", "value", "sd", "unit"), rows, below=told)
+        return self.to_pandas().to_html(float_format="{:.4g}".format) + f"<p>{escape(told)}</p>"
 
     def to_pandas(self: Any) -> pd.DataFrame:
         """Return a row for every parameter: value, standard deviation (NaN where there is none) and unit, SI.
@@ -103,8 +98,7 @@ class PosteriorViews:
         return f"<Posterior of {d} quantities: {made}, {ensembles * steps * walkers} draws; {worst}>"
 
     def _repr_html_(self: Any) -> str:
-        rows = [(row["name"], *(row[key] for key in _COLUMNS)) for row in self.summary() if not is_start(row["name"])]
-        return html_table(repr(self).strip("<>"), ("quantity", *_COLUMNS), rows, below=self.status)
+        return self.to_pandas().to_html(float_format="{:.4g}".format) + f"<p>{escape(self.status)}</p>"
 
     def to_pandas(self: Any) -> pd.DataFrame:
         """Return a row for every parameter and size of noise: mean, sd, quantiles, unit, R-hat, effective draws.

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from discovery.foundation.html_table import html_table
 from discovery.plots.axes import axes_below, one_axes, with_unit
 
 if TYPE_CHECKING:
@@ -30,19 +30,9 @@ class LoopViews:
 
     def _repr_html_(self: Any) -> str:
         table = self.to_pandas()
-        added = table[table["effect"] != ""]
-        rows = [
-            (row.effect, row.Index, row.value, None if np.isnan(row.sd) else row.sd, row.unit)
-            for row in added.itertuples()
-        ]
         errors = [self.errors[when]["holdout"]["rms"] for when in ("before", "after")]
-        told = f"Held out: {errors[0]:.4g} → {errors[1]:.4g} {self.errors['unit']} rms."
-        return html_table(
-            f"{self.verdict}: {', '.join(self.added) or 'nothing added'}",
-            ("effect", "parameter", "value", "sd", "unit"),
-            rows,
-            below=told,
-        )
+        told = f"{self.verdict}. Held out: {errors[0]:.4g} → {errors[1]:.4g} {escape(self.errors['unit'])} rms."
+        return table[table["effect"] != ""].to_html(float_format="{:.4g}".format) + f"<p>{told}</p>"
 
     def to_pandas(self: Any) -> pd.DataFrame:
         """Return a row for every parameter of the final model: value, standard deviation, unit and added effect."""

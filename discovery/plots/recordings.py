@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from discovery.foundation.html_table import html_table
 from discovery.plots.axes import axes_below, with_unit
 
 if TYPE_CHECKING:
@@ -55,12 +54,14 @@ class DatasetViews:
         return f"<Dataset {self.rig.name!r} ({self.rig.kind}): {counts}>"
 
     def _repr_html_(self: Any) -> str:
+        import pandas as pd
+
         rows = [
             (role, r.name, r.time.size, float(r.time[-1] - r.time[0]), ", ".join(r.channels), len(r.notes))
             for role, r in ((role, e.recording) for role, e in self.with_test)
         ]
-        header = ("role", "recording", "readings", "duration [s]", "channels", "flags")
-        return html_table(f"{self.rig.name}, {self.rig.kind}", header, rows)
+        header = ["role", "recording", "readings", "duration [s]", "channels", "flags"]
+        return pd.DataFrame(rows, columns=header).to_html(float_format="{:.4g}".format, index=False)
 
     def plot_recordings(self: Any, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
         """Draw every recording, one below the other, in SI units, the input in grey.

@@ -12,7 +12,6 @@ from discovery.estimation.covariance import covariance_of
 from discovery.estimation.fit import Fit
 from discovery.foundation.arguments import as_words, check_number, check_seed, check_whole, expect
 from discovery.foundation.errors import InputError
-from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, counted, teller
 from discovery.posterior.likelihood import log_posterior
 from discovery.posterior.marginal_likelihood import FEWEST_DRAWS, Evidence, log_evidence
@@ -23,6 +22,22 @@ if TYPE_CHECKING:
     from discovery.screening.refits import Refit
 
 _DOING = "weighing noise models by their evidence"
+#: Heads of the columns of a table whose keys do not say what is in them.
+_HEADS = {
+    "noise": "noise model",
+    "name": "model",
+    "behind": "behind [nats]",
+    "error": "error [nats]",
+    "free": "free parameters",
+    "held_out": "held-out error",
+}
+
+
+def _table(rows: Sequence[Mapping[str, Any]], keys: list[str]) -> str:
+    """Return rows by decreasing evidence as a notebook shows them."""
+    import pandas as pd
+
+    return pd.DataFrame(rows)[keys].rename(columns=_HEADS).to_html(float_format="{:.4g}".format, index=False)
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,9 +52,7 @@ class NoiseChoice:
         return f"<NoiseChoice {self.noise}: behind by [nats] {rows}>"
 
     def _repr_html_(self) -> str:
-        rows = ((row["noise"], row["behind"], row["error"], row["reliable"]) for row in self.summary()["models"])
-        header = ("noise model", "behind [nats]", "error [nats]", "reliable")
-        return html_table(f"{self.noise} has the largest evidence", header, rows)
+        return _table(self.summary()["models"], ["noise", "behind", "error", "reliable"])
 
     @property
     def chosen(self) -> Evidence:
@@ -133,10 +146,7 @@ class Comparison:
         return f"<Comparison of {len(self.evidences)} models: behind by [nats] {rows}>"
 
     def _repr_html_(self) -> str:
-        keys = ("name", "behind", "error", "free", "held_out", "reliable")
-        rows = ([row[key] for key in keys] for row in self.summary()["models"])
-        header = ("model", "behind [nats]", "error [nats]", "free parameters", "held-out error", "reliable")
-        return html_table(f"{self.ranking[0]} has the largest evidence", header, rows)
+        return _table(self.summary()["models"], ["name", "behind", "error", "free", "held_out", "reliable"])
 
     @property
     def ranking(self) -> tuple[str, ...]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.errors import InputError
-from discovery.foundation.html_table import html_table
 from discovery.foundation.progress import Tell, teller
 from discovery.mechanics import get_base
 from discovery.recordings.dataset import Dataset
@@ -34,10 +34,10 @@ class Discovered:
         return f"<Discovered {terms}; {len(found.rivals)} others fit equally>"
 
     def _repr_html_(self) -> str:
-        keys = ("term", "effect", "coefficient", "sd", "inclusion_probability")
-        rows = ([row[key] for key in keys] for row in self.equation.summary())
-        header = ("term", "effect", "coefficient", "sd", "share of resamples")
-        return html_table("The equation of motion by sparse regression", header, rows, below=self.equation.status)
+        import pandas as pd
+
+        table = pd.DataFrame(self.equation.summary()).to_html(float_format="{:.4g}".format, index=False)
+        return f"{table}<p>{escape(self.equation.status)}</p>"
 
     def summary(self) -> dict[str, Any]:
         """Return what results.json holds of the discovery."""
