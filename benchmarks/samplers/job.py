@@ -68,7 +68,10 @@ def truth() -> np.ndarray:
 class FromRest(Problem):
     """A problem whose initial state is known: at rest, without deflection."""
 
-    _released = ()
+    @property
+    def states(self):
+        """Return nothing that is free of a recording."""
+        return ()
 
 
 @dataclass(frozen=True)

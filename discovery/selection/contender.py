@@ -107,7 +107,8 @@ def contenders(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) 
     for bench, own in weighed.items():
         again = [c for c in own if c.evidence.gained > max(_WORTH, 0.5 * (best - c.joint) - _BEHIND * nats)]
         refitted = _weighed(context, bench, [(c.added, r) for c, r in zip(again, _generalised(again), strict=True)])
-        better = {c: max(c, b, key=lambda x: x.joint) for c, b in zip(again, refitted, strict=True)}
+        # What is held out does not choose between two estimates of one set.
+        better = {c: max(c, b, key=lambda x: x.evidence.train) for c, b in zip(again, refitted, strict=True)}
         weighed[bench] = [better.get(c, c) for c in own]
     return sorted((c for own in weighed.values() for c in own), key=lambda c: -c.joint)
 
