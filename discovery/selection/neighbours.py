@@ -47,14 +47,15 @@ class Neighbours:
             rest = tuple(e for e in found.added if e != effect)
             known = self.offers.known(rest, found.model.base)
             made = contenders(self.context, [(rest, relaxed(found.refit, found.model.without(effect)))])
-            self._smaller[key] = max([*made, *(known if rest else [self.root])], key=lambda c: c.joint)
+            self._smaller[key] = max([*made, *(known if rest else [self.root])], key=lambda c: c.evidence.train)
         return self._beside(found, self._smaller[key])
 
     def lower(self) -> Contender:
         """Return the start, from where the likeliest set beside it leads it if that is a likelier minimum."""
         offered = self.offers.beside(self.root) if self.root.is_far else []
         led = [self.without(c, c.added[-1]) for c in offered[:1] if np.isfinite(c.joint)]
-        return next((c for c in led if c.joint > self.root.joint + self.context.settings.nats), self.root)
+        least = self.root.evidence.train + self.context.settings.nats
+        return next((c for c in led if c.evidence.train > least), self.root)
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first."""
