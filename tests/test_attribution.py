@@ -82,7 +82,7 @@ def refitted(seed: int = 0, **effects: float) -> list[Refit]:
 
 
 def test_candidates_are_what_acts_here_and_is_not_there_yet() -> None:
-    of_the_untied = ("cogging", "constant_force", "negative_stiffness")
+    of_the_untied = ("cogging", "constant_force", "recording_force", "negative_stiffness")
     assert set(candidates(Model("oscillator", DECLARED))) == set(EFFECTS) - {*DECLARED, *of_the_untied}
     arm = candidates(Model("elastica", DECLARED))
     assert {"table_tilt", "camera_origin_offset"} <= set(arm)

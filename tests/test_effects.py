@@ -7,9 +7,10 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import sympy as sp
+from pushed_oscillator import TIME, experiment, pushes
 from test_bench import arm
 
-from discovery.declarations.effect import ARM, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
+from discovery.declarations.effect import ARM, OSCILLATOR, Closure, Dissipation, Drive, Effect, Kinetic, Load, Potential
 from discovery.declarations.forces import SmoothForce
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.priors import HalfStudent, LogNormal, Normal
@@ -225,18 +226,23 @@ def test_the_contract_refuses_the_declaration(effect: Effect, law: str) -> None:
 
 @pytest.mark.parametrize(("effect", "simpler"), [(n, s) for n, e in catalogue().items() for s in sorted(e.reduces_to)])
 def test_without_one_amplitude_an_effect_is_the_simpler_law_that_it_reduces_to(effect: str, simpler: str) -> None:
+    system = ARM if ARM in catalogue()[effect].systems else OSCILLATOR
+    base, recording = {
+        ARM: ("elastica_calm", arm("a", ("tip_x", "tip_y"), 150)),
+        OSCILLATOR: ("oscillator", experiment("a", np.zeros(TIME.size), pushes(0.0, 0.5, 0.0, 0.0))),
+    }[system]
     # The simulator that the search has of this base.
-    model = Model("elastica_calm", tuple(sorted({*every_effect("elastica_calm"), SmoothForce.id()})))
-    bench = Bench(model.base, model.effects, [arm("a", ("tip_x", "tip_y"), 150)], 0.01)
+    model = Model(base, tuple(sorted({*every_effect(base), SmoothForce.id()})))
+    bench = Bench(model.base, model.effects, [recording], 0.01)
     absent = {n: p.default for n, p in model.parameters.items()}
-    absent |= {"alpha": 9.0, "xi": 0.05, "length": 1.0, "mu": 0.1, "tau_r": 1e-4}
+    absent |= {"alpha": 9.0, "xi": 0.05, "length": 1.0, "mu": 0.1, "tau_r": 1e-4} if system == ARM else {}
 
     def moved(amplitude: str) -> np.ndarray:
         values = absent | {amplitude: 0.05}
         return bench.predict(np.array([[values[n]] for n in bench.names]), np.zeros((1, 2, 1)))[0]
 
-    (law,) = (p.name for p in catalogue()[simpler].fitted(ARM) if not p.shape)
+    (law,) = (p.name for p in catalogue()[simpler].fitted(system) if not p.shape)
     expected = moved(law)
     assert np.abs(expected - moved("")).max() > 1e-3
-    amplitudes = [p.name for p in catalogue()[effect].fitted(ARM) if not p.shape]
+    amplitudes = [p.name for p in catalogue()[effect].fitted(system) if not p.shape]
     assert min(np.abs(moved(a) - expected).max() for a in amplitudes) < 1e-12

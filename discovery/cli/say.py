@@ -66,11 +66,14 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
     from discovery.declarations.registry import effect_name
     from discovery.mechanics.upgrades import UPGRADES
+    from discovery.report.estimates import start_words
     from discovery.report.sentences import effect_sentence
 
     role = "mechanics" if effect["id"] in UPGRADES else "added"
     values = ", ".join(
-        " = ".join([n, *(estimate_text(q["value"], q["sd"], q["unit"]) for q in (p, p.get("physical")) if q)])
+        " = ".join(
+            [start_words(n), *(estimate_text(q["value"], q["sd"], q["unit"]) for q in (p, p.get("physical")) if q)]
+        )
         + (f", {p['reason']}" if "reason" in p else "")
         for n, p in effect["parameters"].items()
     )

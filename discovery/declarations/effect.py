@@ -138,13 +138,13 @@ class Effect(ABC):
 
     @classmethod
     def turned(cls, amplitudes: FloatArray, own: float) -> FloatArray:
-        """Return the amplitudes (k,) that do in a recording without an own value what these do with it; see `own`."""
-        raise NotImplementedError(f"{cls.id()} has a parameter of each recording's own: write `turned`")
+        """Return the amplitudes (k,) that do in a recording without an own value what these do with it: it adds."""
+        return amplitudes + own
 
     @classmethod
     def gathered(cls, amplitudes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return common amplitudes (k,) and own values (m,) for those of each recording (m, k): zero for the first."""
-        raise NotImplementedError(f"{cls.id()} has a parameter of each recording's own: write `gathered`")
+        return amplitudes[0], amplitudes[:, 0] - amplitudes[0, 0]
 
     @classmethod
     def own(cls) -> Parameter | None:

@@ -23,13 +23,15 @@ def candidates(
     *,
     turns: bool = True,
     spins: bool = False,
+    several: bool = True,
 ) -> tuple[str, ...]:
     """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
 
     `unit`: unit of an oscillator's coordinate: laws of an angle ask for radians. `declared`: effects of the model that
     its rig file declares, which say whether anything ties the coordinate; all otherwise. `turns`: whether the recorded
     motion turns back, which laws of memory ask for. `spins`: whether it goes on and on through full turns, which no
-    law of the place does but one that is the same in each of them, and no picture shows.
+    law of the place does but one that is the same in each of them, and no picture shows. `several`: whether there are
+    several recordings: in one a law whose values differ between them is no other than the one that it contains.
     """
     placed_at = model.mechanics.places()
     acting = _at_places(model) if placed_at else _on_the_coordinate(model, unit, declared)
@@ -39,20 +41,21 @@ def candidates(
         turning = (placed_at[effect.place].unit if effect.place else unit) in ("rad", "1")
         held = (effect.anchored or effect.kind == "potential") and not effect.angular
         read = not effect.pictured or not (spins or "/s" in unit or is_force(unit))
-        return read and (turns or not effect.remembers) and not (spins and turning and held)
+        told = (turns or not effect.remembers) and (several or not (effect.own() and effect.reduces_to))
+        return read and told and not (spins and turning and held)
 
     return tuple(filter(is_shown, acting))
 
 
 def eventual_candidates(
-    model: Model, unit: str = "rad", declared: Collection[str] | None = None, **motion: bool
+    model: Model, unit: str = "rad", declared: Collection[str] | None = None, **recorded: bool
 ) -> tuple[str, ...]:
     """Return the candidates, and those that could be missing once one of them ties the body to a place."""
     models = [
         model,
-        *(model.with_effect(e) for e in candidates(model, unit, declared, **motion) if get_effect(e).ties),
+        *(model.with_effect(e) for e in candidates(model, unit, declared, **recorded) if get_effect(e).ties),
     ]
-    return tuple(dict.fromkeys(e for m in models for e in candidates(m, unit, declared, **motion)))
+    return tuple(dict.fromkeys(e for m in models for e in candidates(m, unit, declared, **recorded)))
 
 
 def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None) -> tuple[str, ...]:
@@ -66,7 +69,7 @@ def _on_the_coordinate(model: Model, unit: str, declared: Collection[str] | None
         for e, effect in catalogue().items()
         if base.system in effect.systems
         and e not in model.effects
-        and e not in provided
+        and not provided.intersection({e, *effect.reduces_to})
         and (base.system.has_rod or unit == "rad" or not effect.angular)
         and (base.push() is not None or not isinstance(effect, Mode))
         and _is_heard(effect, model)

@@ -82,7 +82,7 @@ def start_values(
             still = believed and e.recording.at_rest
             width *= _REST if still else 1.0
             value = StartValue(name, i, row, 0.1 * width, width, believed=believed, still=still)
-            found.append(replace(value, starts=starts, own_unit=parameter.value_unit))
+            found.append(replace(value, starts=starts, own_unit=e.unit_of(parameter)))
     return tuple(found)
 
 

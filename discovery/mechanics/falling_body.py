@@ -15,7 +15,7 @@ class FallingBody(OneCoordinate):
     anchored = False
     has = frozenset({WEIGHT})
     #: Nothing rubs against it.
-    provides = frozenset({"coulomb_friction", "stribeck_friction", "friction_through_play", "constant_force"})
+    provides = frozenset({"coulomb_friction", "friction_through_play", "constant_force"})
 
     g_0 = Parameter(
         "s^-2 q", "gravitational acceleration", (0.0, 100.0), Normal(9.8, 0.1), default=9.80665, fixed=True, latex="g_0"

@@ -119,9 +119,12 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
 
 
 def start_words(name: str) -> str:
-    """Return an initial state in words."""
-    found = start_of(name)
-    return f"{start_word(found[0])} at the start of {found[1]}" if found else name
+    """Return an initial state, or what else a recording has of its own, in words."""
+    if not (found := start_of(name)):
+        return name
+    quantity, recording = found
+    called = start_word(quantity)
+    return f"{called} {'of' if called == quantity else 'at the start of'} {recording}"
 
 
 def nuisance_table(run: Run) -> Table | None:

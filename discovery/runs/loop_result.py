@@ -24,6 +24,7 @@ from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.estimate_text import figures
+from discovery.foundation.start_names import start_of
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import impossible
@@ -234,7 +235,8 @@ class LoopResult(LoopViews):
         """Return what loop.json holds of an added effect."""
         other = self.stand_ins.get(effect)
         names = [] if effect in UPGRADES else [p.name for p in get_effect(effect).parameters()]
-        parameters = {n: self._told(n) for n in names if n in self.after.values}
+        of_recordings = [n for n in self.after.values if (start := start_of(n)) and start[0] in names]
+        parameters = {n: self._told(n) for n in (*names, *of_recordings) if n in self.after.values}
         if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
             # No reading is surer than the ruler.
             row = parameters[other.parameter]

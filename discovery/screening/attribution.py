@@ -92,7 +92,8 @@ class Start:
         moved = self.responses.moved(self.rows) / self.simulated
         if self.own.size:
             effect, k = get_effect(self.effect), self.sizes.size
-            turns = np.array([[effect.turned(one, own) for own in self.own] for one in np.eye(k)])
+            least = [effect.turned(np.zeros(k), own) for own in self.own]
+            turns = np.array([[effect.turned(one, own) for own in self.own] for one in np.eye(k)]) - least
             moved = moved @ turns.transpose(2, 1, 0).reshape(-1, k)
         columns[:, self.sizes] = moved
         return columns

@@ -155,7 +155,8 @@ def respond(
 
     # Others are simulated meanwhile.
     once = pool.submit(read_once)
-    groups = [np.flatnonzero(own) for own in (~alike & split, ~alike & ~split, older, alike & ~older)]
+    read = alike & ~older
+    groups = [np.flatnonzero(own) for own in (~alike & split, ~alike & ~split, older, read & split, read & ~split)]
     list(pool.map(simulate, [own[i : i + lanes] for own in groups for i in range(0, own.size, lanes)]))
     return Responses(known, left, taken)
 

@@ -63,14 +63,14 @@ class Context:
         return 2 * np.pi * self.units.time
 
     @cached_property
-    def _motion(self) -> dict[str, bool]:
-        """What of the recorded motion decides which effects it could show."""
-        return {"turns": turns_back(self.train), "spins": spins(self.train)}
+    def _recorded(self) -> dict[str, bool]:
+        """What of the recordings decides which effects they could show."""
+        return {"turns": turns_back(self.train), "spins": spins(self.train), "several": len(self.train) > 1}
 
     def candidates(self, model: Model, *, which: Callable[..., tuple[str, ...]] = candidates) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
         first = self.train[0]
-        return which(model, first.coordinate_unit, first.rig.declared, **self._motion)
+        return which(model, first.coordinate_unit, first.rig.declared, **self._recorded)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
