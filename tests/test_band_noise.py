@@ -172,3 +172,12 @@ def test_a_held_input_keeps_readings_and_says_what_they_are_worth(tmp_path: Path
     kept = averaged_down(reading(tmp_path, rig, DECAY + SIZE * low_passed(0.24), 0.0 * T), rig)
     assert kept.time.size == COUNT
     assert "err alike, and are not averaged" in kept.notes[-1]
+
+
+@pytest.mark.parametrize("alternates", [True, False])
+def test_readings_that_err_in_opposite_directions_are_told(tmp_path: Path, alternates: bool) -> None:
+    # A speed by counts, each in one of two places: what one reading has too much, its neighbour lacks.
+    rng, sign = np.random.default_rng(2), np.where(np.arange(600) % 2, 1.0, -1.0)
+    errors = rng.standard_normal(600) if not alternates else sign * (1.0 + 0.3 * rng.standard_normal(600))
+    read = reading(tmp_path, rig_of(tmp_path), DECAY[:600] + SIZE * errors)
+    assert ["noise_alternates"] * alternates == [f.code for f in read.flags if f.code == "noise_alternates"]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from discovery.estimation.residual import ResidualReport, errors, examine, systematic_share, variance_left
+from discovery.estimation.residual import ResidualReport, errors, examine, memory, systematic_share, variance_left
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Columns, OutputColumn, Rig, TimeColumn
@@ -220,3 +220,12 @@ def test_what_blew_up_is_not_near(last: float) -> None:
 def test_errors_of_nothing_are_not_numbers() -> None:
     found = errors(np.zeros((3, 1)), np.full((3, 1), np.nan))
     assert all(np.isnan(v) for v in found.values())
+
+
+def test_what_is_off_throughout_is_no_noise_of_single_readings() -> None:
+    noise = white(7)
+    assert memory(noise) == pytest.approx(1.0, abs=0.1)
+    lasting = np.convolve(white(8), np.ones(3), "valid")
+    assert memory(lasting) == pytest.approx(5.0, rel=0.2)
+    assert memory(noise + 1.0) == pytest.approx(3.0, rel=0.1)
+    assert memory(np.zeros(9)) == 1.0

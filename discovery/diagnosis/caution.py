@@ -51,7 +51,8 @@ class Caution:
     #: "held_sign" (a constant of the declared model that ends at zero and would go beyond), "far_start" (`value`, `sd`
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
-    #: left "burst" (where it lies in time), "like_noise" (of the instrument), "not_carried", "scattered", "quiet".
+    #: left "stamps" (that err, see `diagnosis.stamps`), "burst" (where it lies in time), "like_noise" (of the
+    #: instrument), "not_carried", "scattered", "quiet".
     code: str
     #: The parameter, or the recording of a burst; of a miss the parameter that training leaves undetermined and that it
     #: hangs on, if there is one; empty where it is about the whole answer.
@@ -61,7 +62,8 @@ class Caution:
     #: `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training, and where it is
     #: about a parameter `undetermined`, see `diagnosis.undetermined`: its `value`, `sd` and `unit`, whether it is a
     #: `constant` that a rig file may state, by how many `sds` it would move, which part of the error is `left` then; of
-    #: a burst `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of what is like
+    #: a burst `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of stamps their
+    #: rms `deviation` from a clock of a `step` [s], and the `share` that this explains of what is left; of what is like
     #: noise `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training
     #: (`train`) and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise
     #: is `estimated`, the `memory` of the errors (see `estimation.residual.memory`), whether it counts as none

@@ -108,8 +108,12 @@ def _ljung_box(series: FloatArray, lags: int = 20) -> tuple[float, float]:
 
 
 def memory(series: FloatArray) -> float:
-    """Return the variance of the mean of a series over that of white noise: (1 + r) / (1 - r), with r at lag one."""
-    correlation = min(_ljung_box(series, lags=1)[0], 0.99)
+    """Return the variance of the mean of a series over that of white noise: (1 + r) / (1 - r), with r at lag one.
+
+    It is taken about zero: what is off throughout is no noise of single readings.
+    """
+    power = float(series @ series)
+    correlation = min(float(series[1:] @ series[:-1]) / power, 0.99) if power else 0.0
     return (1 + correlation) / (1 - correlation)
 
 

@@ -12,7 +12,7 @@ from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
-from discovery.recordings.local_fits import timing_error
+from discovery.recordings.local_fits import alternation, timing_error
 from discovery.recordings.reading_flags import clean_output, gap_flags, without_ends
 from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
 from discovery.recordings.rounding import resolution
@@ -20,6 +20,7 @@ from discovery.recordings.time_stamps import estimate_jitter, is_steady
 from discovery.rigs.rig import Rig
 
 Bands = list[BandNoise | None]
+_ALTERNATES = 1.4  # ratio of noises from which readings err in opposite directions: that of white noise is 1.0 +- 0.1
 #: SI units of what is no position.
 _MOTIONS = dict.fromkeys(("m/s", "rad/s"), "a speed") | dict.fromkeys(("m/s^2", "rad/s^2"), "an acceleration")
 
@@ -54,6 +55,8 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
         bands.append(band)
         if band is not None:
             flags.append(Flag("noise_alike", name, unit, {"scatter": scatter, **asdict(band)}))
+        elif rig.view is None and (ratio := alternation(values)) > _ALTERNATES:
+            flags.append(Flag("noise_alternates", name, unit, {"ratio": ratio}))
         values, told = clean_output(
             name, unit, found.time, values, noise[-1], returns, given=given, rate=rate, driven=driven
         )

@@ -225,6 +225,11 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "one to the next, as after a filter that ends near {cutoff:.3g} Hz. About {alike:.2g} of them tell as much as "
         "one of independent noise.",
     ),
+    "noise_alternates": (
+        "doubt",
+        "Neighbouring readings of {column!r} err in opposite directions, as differences of counts do: over several of "
+        "them noise is at least {ratio:.2g} times smaller. Give the counts, as a position, or averages of neighbours.",
+    ),
     "alike_kept": (
         "doubt",
         "About {alike:.2g} neighbouring readings err alike, and are not averaged, which takes {least} of them: the "
@@ -236,10 +241,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
         "motion that stands out of the noise needs more. The motion begins before the first of them, where none is.",
     ),
-    "evened": (
-        "note",
-        "its times are not equally spaced: motion and force are taken every {step:.4g} s, by splines.",
-    ),
+    "evened": ("note", "its times are not equally spaced: motion and force are taken every {step:.4g} s, by splines."),
     "at_rest": (
         "note",
         "the motion has ended before the recording has: its first {kept} of {count} readings are used, up to "

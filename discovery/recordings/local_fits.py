@@ -122,6 +122,19 @@ def excess_scatter(time: FloatArray, channel: FloatArray, noise: float, jitter: 
     return min(found, default=float("nan"))
 
 
+def alternation(values: FloatArray) -> float:
+    """Return how many times as far readings (n,) miss a cubic through few neighbours as polynomials through more.
+
+    It is one for white noise, more for errors that alternate from one reading to the next, less for a motion, and of
+    too few readings. NaN are gaps.
+    """
+    shortest, *longer = (
+        _spread(m[np.isfinite(m)]) for m in (misses(values, *fit) for fit in (_DIFFERENCES[0], *CALMER))
+    )
+    enough = np.isfinite(values).sum() >= _FEWEST and min(longer) > 0.0
+    return shortest / max(longer) if enough else 0.0
+
+
 def _missed(time: FloatArray, channel: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield by how much readings miss each local fit, (m,), and the mean squared speed that counts in each miss, (m,).
 

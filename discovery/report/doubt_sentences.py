@@ -108,6 +108,17 @@ def _burst(found: Record) -> str:
     return f"{part} of what is left of {found['about']} lies {when}: {asked}"
 
 
+def _stamps(found: Record) -> str:
+    numbers = found["numbers"]
+    off, step = figures(numbers["deviation"], 2), numbers["step"]
+    return (
+        f"{figures(100 * numbers['share'], 2)} % of what is left of {found['about']} goes with how far the time stamps "
+        f"lie from a steady clock of {figures(step, 3)} s ({off} s rms), as if readings were taken on it and stamps "
+        f"erred. State that as their jitter ({off} s) in the rig file, or take the clock in their place, "
+        f"time = {{ rate_hz = {figures(1 / step, 4)} }}"
+    )
+
+
 def _times(fall: float) -> str:
     """Return how an error changed that fell so many times."""
     return f"{figures(fall, 2)} times smaller" if fall >= 1 else f"{figures(1 / fall, 2)} times larger"
@@ -159,6 +170,7 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         "check the constants that the rig file states, units and signs"
     ),
     "missed": _missed,
+    "stamps": _stamps,
     "burst": _burst,
     "like_noise": lambda found: (
         f"what is left is {figures(found['numbers']['ratio'], 2)} times the noise, as large held out, and depends on "

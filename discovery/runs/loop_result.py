@@ -15,6 +15,7 @@ from discovery.diagnosis import caution, edges
 from discovery.diagnosis.caution import Caution, StandIn
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
+from discovery.diagnosis.stamps import erring_stamps
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.losses import without_losses
 from discovery.estimation.bench import Bench
@@ -171,7 +172,7 @@ class LoopResult(LoopViews):
             noise = float(min(r.noise.min() for r in self.recordings))
             sizes = {"left": error.after, "held": error.held, "noise": noise}
             alike = caution.like_noise(self.residual_after, error.depends_on, self.errors, **sizes)
-            found.append(caution.burst(self.after) or alike)
+            found.append(erring_stamps(self._left(trained=True)) or caution.burst(self.after) or alike)
         # A model error is said, and so is a hold-out that is missed.
         if self.complete and found[0] is None:
             for judge in (caution.scattered, caution.quiet):
