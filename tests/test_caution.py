@@ -13,7 +13,7 @@ import pytest
 from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, acausal, missed
+from discovery.diagnosis.caution import Caution, acausal, missed, unfinished
 from discovery.diagnosis.edges import at_edges, held_sign, strayed_constant
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
@@ -324,3 +324,11 @@ def test_a_constant_that_is_stated_right_is_left_alone(tmp_path: Path) -> None:
     found = close_loop(load_dataset(seen(tmp_path, mass="value = 1.0, sd = 0.02"), [tmp_path / "a.csv"])).summary()
     assert found["verdict"] == "nothing_missing"
     assert contradiction_sentences(found["contradiction"]) == []
+
+
+def test_a_fit_that_stopped_on_its_way_is_doubted(scaled: Fit) -> None:
+    assert scaled.minimum.converged
+    assert unfinished(scaled) is None
+    found = unfinished(replace(scaled, minimum=replace(scaled.minimum, converged=False, iterations=8)))
+    assert found is not None
+    assert "stopped after 8 steps" in caution_sentence(found.summary())

@@ -127,8 +127,8 @@ def _posterior(
 @click.option(
     "--initial-state",
     metavar="POSITION,RATE",
-    help="Initial state of --predict: rad and rad/s (80 degrees are 1.396), or m and m/s where the output is a "
-    "length; static equilibrium otherwise.",
+    help="Initial state of --predict, what is read and its rate: rad and rad/s (80 degrees are 1.396), m and m/s of a "
+    "length, rad/s and rad/s^2 of a speed; static equilibrium otherwise.",
 )
 def loop(
     rig: Path, train, holdout, out: Path, seed: int, estimate_noise: bool, quiet: bool, as_json: bool,
@@ -222,15 +222,17 @@ def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
 
 def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None) -> Experiment:
     """Read what is to be predicted."""
+    from discovery.declarations.units import in_coordinate
     from discovery.recordings.experiment import make_experiment
     from discovery.recordings.recording import read_recording
 
     wanted = make_experiment(read_recording(target, dataset.rig, with_output=False), dataset.rig)
     if initial is None and wanted.drive is None:
+        unit = dataset.train[0].reading_unit
         note(
             f"{target}: without --initial-state the prediction starts at rest, and no input drives this system: it "
-            "stays there, unless what is found is a force in time. Give the state at the first time with "
-            "--initial-state POSITION,RATE."
+            "stays there, unless what is found is a force in time. Give what is read at the first time, and its rate, "
+            f"with --initial-state POSITION,RATE [{unit}, {in_coordinate('q s^-1', unit)}]."
         )
     return wanted
 

@@ -50,6 +50,7 @@ class Caution:
     #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far from its guess),
     #: "held_sign" (a constant of the declared model that ends at zero and would go beyond), "far_start" (`value`, `sd`
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
+    #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "stamps" (that err, see `diagnosis.stamps`), "burst" (where it lies in time), "like_noise" (of the
     #: instrument), "not_carried", "scattered", "quiet".
@@ -84,6 +85,12 @@ def acausal(fitted: Fit) -> Caution | None:
         if fitted.values.get(late, 0.0) < -_AHEAD * (sd := fitted.sd.get(late, math.inf)):
             return Caution("acausal", late, effect.id(), {"ahead": -fitted.values[late], "sd": sd})
     return None
+
+
+def unfinished(fitted: Fit) -> Caution | None:
+    """Return that the fit stopped on its way to a minimum; None where it is there."""
+    minimum = fitted.minimum
+    return None if minimum.converged else Caution("unfinished", numbers={"iterations": minimum.iterations})
 
 
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:

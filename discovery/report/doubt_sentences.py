@@ -169,6 +169,10 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
         "check the constants that the rig file states, units and signs"
     ),
+    "unfinished": lambda found: (
+        f"the final fit stopped after {found['numbers']['iterations']} steps on its way to a minimum: its values and "
+        "intervals are not those of the best fit; declare better guesses, or state what the recordings do not tell"
+    ),
     "missed": _missed,
     "stamps": _stamps,
     "burst": _burst,
