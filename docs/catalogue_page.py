@@ -16,7 +16,7 @@ from pathlib import Path
 from discovery.declarations.effect import ARM, Effect
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.registry import catalogue
-from discovery.equations.lacking import candidates
+from discovery.equations.lacking import candidates, ever_candidates
 from discovery.equations.model import Model
 from discovery.foundation.io import atomic_write
 from discovery.mechanics import base_names, get_base
@@ -91,7 +91,8 @@ def _where(effect_id: str, effect: Effect) -> str:
     open_to = [f"`{b}`" for b in bases if effect_id in candidates(Model(b, ()))]
     if not open_to:
         return "Acts at a place of a declared system."
-    return f"Acts on {systems}." if len(open_to) == len(bases) else f"Acts on {systems} (bases: {', '.join(open_to)})."
+    on = systems if len(open_to) == len(bases) else f"{systems} (bases: {', '.join(open_to)})"
+    return f"Acts on {on}{' and in declared systems' if effect_id in ever_candidates(()) else ''}."
 
 
 def _section(effect_id: str, effect: Effect) -> list[str]:

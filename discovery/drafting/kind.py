@@ -230,4 +230,5 @@ def _constants(
     yield f'{mark}stiffness = {{ guess = {stiffness:.3g}, unit = "{body.force} / {body.unit}" }}'
     yield f'damping = {{ guess = {loss:.3g}, unit = "{body.loss}" }}'
     if unit is not None:
-        yield f'gain = {{ guess = {gain or 1.0:.3g}, unit = "{body.force} / ({unit})" }}'
+        per = body.force if unit == "1" else f"{body.force} / ({unit})"
+        yield f'gain = {{ guess = {gain or 1.0:.3g}, unit = "{per}" }}'

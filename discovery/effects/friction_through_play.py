@@ -17,8 +17,9 @@ class FrictionThroughPlay(Memory):
               \dot z = \dot b - \frac{|\dot b|\,|z|\, z + \dot b\, z^2}{2 w_d^2}
 
     z is the slack that is taken up, from -w_d to w_d. Near the middle the cube is flat: hardly a force where the parts
-    do not touch. Once they do, it is the friction f_d, whatever the speed. It is offered for drives whose recorded
-    motion turns back twice: else it is told by nothing from a friction that changes along the way.
+    do not touch. Once they do, it is the friction f_d, whatever the speed. It is offered for drives and at
+    places of declared systems, where the recorded motion turns back twice: else it is told by nothing from a friction
+    that changes along the way. A narrow play is presliding: friction whose contact gives way before it slips.
     """
 
     systems = frozenset({OSCILLATOR})
