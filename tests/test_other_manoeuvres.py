@@ -157,7 +157,7 @@ def test_the_sentences_say_what_to_do() -> None:
     no_better = record | {"given": {**record["given"], "projected": 2 * record["designed"]["projected"]}}
     assert "apart better than the given recordings" in separation_sentence(no_better)
     started = separation_sentence(release().summary() | {"decides": True, "unit": "m/s"})
-    assert re.search(r"start it at [+-][\d.e-]+ m/s, and record", started)
+    assert re.search(r"let it pass its rest at [+-][\d.e-]+ m/s, and record", started)
     assert "deflect" not in separation_sentence(
         release().summary() | {"decides": False, "deflection": 9.9, "unit": "m/s"}
     )

@@ -127,7 +127,7 @@ def _what_to_do(found: Record) -> str:
         unit = "" if found["unit"] == "1" else f" {found['unit']}"
         place, duration = f"{found['release']:+.3g}{unit}", f"{found['limits']['duration']:.3g} s"
         if found["unit"].endswith("/s"):
-            return f"start it at {place}, and record {duration}"
+            return f"let it pass its rest at {place}, and record {duration} from there"
         return f"let it go at {place} from zero, at no speed, and record {duration}"
     moves = [Move(**move) for move in found["moves"]]
     if found["columns"][1] == "motor_angle_rad":
