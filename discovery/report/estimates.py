@@ -63,7 +63,10 @@ def unit_of(name: str, unit: str, run: Run) -> str:
 
 def symbol_of(name: str) -> Markup | str:
     """Return the symbol of a parameter as mathematics, or the words for what is one of a recording."""
-    return start_words(name) if "[" in name else name_cell(name)
+    start = start_of(name)
+    if start and start_word(start[0]) == start[0]:
+        return Markup("{} of {}").format(name_cell(start[0]), start[1])
+    return start_words(name) if start else name_cell(name)
 
 
 def sampled_parameters(run: Run) -> dict[str, Any]:
