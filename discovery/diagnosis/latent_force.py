@@ -114,8 +114,9 @@ def _parameters(fit: Fit, index: int) -> FloatArray:
     vectors[np.arange(n), np.arange(1, n + 1)] += sizes
     parameters, initial = problem.expand(vectors)
     bench = problem.bench
-    reading = bench.simulators[index](*bench.started(parameters, initial[index]))
-    channels = bench.experiments[index].fitted_part.channels(reading)
+    experiment = bench.experiments[index]
+    reading = bench.simulators[index](*bench.started(parameters, experiment, initial[index]))
+    channels = experiment.fitted_part.channels(reading)
     return (channels[:, :, 1:] - channels[:, :, :1]) / sizes
 
 

@@ -57,7 +57,8 @@ class Chain:
     def __init__(
         self, problem: Problem, values: Mapping[str, float], experiment: Experiment, start: FloatArray
     ) -> None:
-        known = {**problem.model.known, **values, **dict(zip(problem.bench.own, start[2:].tolist(), strict=True))}
+        own = {**dict(zip(problem.bench.own, start[2:].tolist(), strict=True)), **dict(experiment.recording.constants)}
+        known = {**problem.model.known, **values, **own}
         start = start[:2]
         self.slow, self.experiment = SlowModel(problem.model, problem.units, known), experiment
         recorded = experiment.recording.time

@@ -90,8 +90,8 @@ class Bench:
         `parameters` (p, k): in the order of `names`. `initial` (experiments, 2 + own, k): initial deflection and rate
         in every experiment, and the values of `own`.
         """
-        runs = zip(self._whole[some], initial[some], strict=True)
-        asked = [s.asked(*self.started(parameters, own)) for s, own in runs]
+        runs = zip(self._whole[some], self.experiments[some], initial[some], strict=True)
+        asked = [s.asked(*self.started(parameters, e, own)) for s, e, own in runs]
         read = simulate.simulated(asked)
         return [e.channels(out) for e, (out, _) in zip(self.experiments[some], read, strict=True)]
 
@@ -146,13 +146,19 @@ class Bench:
         return found
 
     def _batches(self, parameters: FloatArray, initial: FloatArray) -> list[Batch]:
-        return [s.batch(*self.started(parameters, own)) for s, own in zip(self.simulators, initial, strict=True)]
+        runs = zip(self.simulators, self.experiments, initial, strict=True)
+        return [s.batch(*self.started(parameters, e, own)) for s, e, own in runs]
 
-    def started(self, parameters: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def started(
+        self, parameters: FloatArray, experiment: Experiment, start: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the parameters (p, k) of one experiment, its deflection and its rate for its start (2 + own, k)."""
-        if start[2:].any():
+        constants = experiment.recording.constants
+        if constants or start[2:].any():
             parameters = parameters.copy()
             parameters[self._own_rows] = start[2:]
+            for name, value in constants:
+                parameters[self.names.index(name)] = value
         return parameters, start[0], start[1]
 
     def _asked(

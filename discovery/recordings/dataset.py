@@ -86,7 +86,9 @@ class Dataset(DatasetViews):
 def _whole(path: Path, rig: Rig) -> RecordPart:
     """Return the whole of a file; it begins at rest if the rig file says so of it from its first row on."""
     named = (p for parts in rig.records.values() for p in parts if os.path.realpath(p.file) == os.path.realpath(path))
-    return RecordPart(path, at_rest=any(p.at_rest and not (p.samples and p.samples[0]) for p in named))
+    parts = list(named)
+    at_rest = any(p.at_rest and not (p.samples and p.samples[0]) for p in parts)
+    return RecordPart(path, at_rest=at_rest, constants=parts[0].constants if parts else ())
 
 
 def _read(part: RecordPart, rig: Rig) -> Recording:
@@ -101,7 +103,10 @@ def _read(part: RecordPart, rig: Rig) -> Recording:
                 path = registry.locate(name)
             except registry.DataUnavailable as error:
                 raise InputError(f"{path} does not exist, and the {error}") from None
-    return replace(read_recording(path, rig, part.samples, where=part.where, name=part.name), at_rest=part.at_rest)
+    read = read_recording(path, rig, part.samples, where=part.where, name=part.name)
+    declared = {} if rig.system is None else rig.system.constants
+    own = [Flag("own_constant", n, declared[n].unit, {"value": value}) for n, value in part.constants]
+    return replace(read, at_rest=part.at_rest, constants=part.constants, flags=(*read.flags, *own))
 
 
 def load_dataset(

@@ -241,6 +241,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
         "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
         "motion that stands out of the noise needs more. The motion begins before the first of them, where none is.",
     ),
+    "own_constant": ("note", "its {column} is {value:unit}, as the rig file says of it alone."),
     "evened": ("note", "its times are not equally spaced: motion and force are taken every {step:.4g} s, by splines."),
     "at_rest": (
         "note",

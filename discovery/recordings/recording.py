@@ -74,6 +74,8 @@ class Recording(RecordingViews):
         Of the rows that were taken, those of the readings, and last their number; None where all hold readings.
     at_rest : bool
         Whether nothing moves at the first reading, as the rig file says.
+    constants : tuple of (str, float)
+        Those of a declared system that are others here [SI].
 
     Examples
     --------
@@ -107,6 +109,7 @@ class Recording(RecordingViews):
     bands: tuple[BandNoise | None, ...] = ()
     rows: IntArray | None = None
     at_rest: bool = False
+    constants: tuple[tuple[str, float], ...] = ()
 
     @cached_property
     def scatter(self) -> FloatArray:

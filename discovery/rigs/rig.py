@@ -120,6 +120,7 @@ class RecordPart:
     where: tuple[tuple[str, str | float], ...] = ()  # columns and the values that they must have; empty for all rows
     name: str | None = None  # name for people
     at_rest: bool = False  # whether nothing moves at its first sample
+    constants: tuple[tuple[str, float], ...] = ()  # of a declared system that are others in it [SI]
 
 
 ARM_COLUMNS = Columns(TimeColumn(), InputColumn("motor_angle", "rad", "motion"), OutputColumn("tip", "m"))

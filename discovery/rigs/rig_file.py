@@ -30,9 +30,9 @@ from discovery.rigs.kinds import KINDS
 from discovery.rigs.quantities import QUANTITIES, key_of
 from discovery.rigs.rig import Columns, Quantity, RecordPart, Rig
 from discovery.rigs.rig_mistakes import RigText, explain
-from discovery.rigs.rig_schema import QuantityTable, RecordsTable, RigTable
+from discovery.rigs.rig_schema import QuantityTable, RigTable
 from discovery.rigs.rig_signals import check_tables, columns_of, controller_of, view_of
-from discovery.rigs.rig_system import read_columns, system_of
+from discovery.rigs.rig_system import own_constants, read_columns, system_of
 
 # Standard gravity and its range between places at sea level and mountains, poles and equator.
 _GRAVITY = Quantity(9.80665, 0.02)
@@ -77,7 +77,7 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
         kind=table.kind,
         columns=_columns(file, table, system, keys),
         declared=tuple(table.model.effects) if table.model else KINDS[table.kind].declared,
-        records=_records(file, table.records),
+        records=_records(file, table),
         controller=controller_of(file, table),
         view=view_of(file, table),
         system=system,
@@ -146,7 +146,8 @@ def _check_effects(file: RigText, table: RigTable, base: str) -> None:
             raise InputError(f"{where} {effect!r} is named twice. Name each effect once.")
 
 
-def _records(file: RigText, table: RecordsTable) -> dict[str, tuple[RecordPart, ...]]:
+def _records(file: RigText, whole: RigTable) -> dict[str, tuple[RecordPart, ...]]:
+    table = whole.records
     records: dict[str, tuple[RecordPart, ...]] = {}
     for name, parts in (("train", table.train), ("holdout", table.holdout), ("test", table.test)):
         for part in parts:
@@ -163,6 +164,7 @@ def _records(file: RigText, table: RecordsTable) -> dict[str, tuple[RecordPart, 
                     tuple(part.where.items()),
                     part.name,
                     part.at_rest,
+                    own_constants(file, whole, name, part.constants),
                 )
                 for part in parts
             )

@@ -206,6 +206,11 @@ class PartTable(Table):
         description="Whether nothing moves at its first row: no coordinate has a rate, and those that are not read are "
         "where a steady force holds them. Left out, the start is fitted.",
     )
+    constants: dict[str, FiniteFloat] = Field(
+        default={},
+        description="Constants of a `system` that are others in this recording, each in its unit: another mass or "
+        "length. `[system.constants]` has a `value` of each, without `sd`, which holds elsewhere.",
+    )
 
 
 class RecordsTable(Table):

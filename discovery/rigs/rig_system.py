@@ -33,6 +33,7 @@ _INTERNAL = (
     *("q", "qd", "qdd", *"DFGHILNQ", "r", "z", "slope", "part", "reading", "sum", "hermite", "cubic", "acceleration"),
     *("largest", "age", "drive", "parameters", "math", "np", "run"),
 )
+_Refuse = Callable[[str, str], InputError]
 _NEEDED = ("coordinates", "kinetic", "output", "places")
 
 
@@ -64,11 +65,7 @@ def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
         )
     if given is None:
         return None
-
-    def refuse(key: str, why: str) -> InputError:
-        where = file.at("system", *filter(None, key.split(".")))
-        return InputError(f"{where}, {f'key {key!r}' if key else '[system]'}: {why}")
-
+    refuse = _refusal(file)
     whole = _whole(given, refuse)
     for name in ("coordinates", "constants", "places", "input"):
         for word in getattr(whole, name) or {}:
@@ -112,7 +109,30 @@ def read_columns(file: RigText, table: RigTable, declaration: SystemDeclaration)
     return replace(columns, output=replace(columns.output, reads="acceleration"))
 
 
-_Refuse = Callable[[str, str], InputError]
+def _refusal(file: RigText) -> _Refuse:
+    """Return what makes the refusal of a key of the table."""
+
+    def refuse(key: str, why: str) -> InputError:
+        where = file.at("system", *filter(None, key.split(".")))
+        return InputError(f"{where}, {f'key {key!r}' if key else '[system]'}: {why}")
+
+    return refuse
+
+
+def own_constants(
+    file: RigText, table: RigTable, role: str, given: Mapping[str, float]
+) -> tuple[tuple[str, float], ...]:
+    """Return the constants that a recording of one list of [records] has of its own, in SI units."""
+    declared = {} if table.system is None else _whole(table.system, _refusal(file)).constants
+    stated = [n for n, c in declared.items() if c.value is not None and c.sd is None]
+    if unknown := [name for name in given if name not in stated]:
+        those = f"those are {', '.join(stated)}" if stated else "there is none"
+        raise InputError(
+            f"{file.at('records', role)}: the constant {unknown[0]!r} of one recording must have a `value` and no `sd` "
+            f"in [system.constants], for the others: {those}. State it there, or remove it here."
+        )
+    own = {n: declared[n].model_copy(update={"value": value}) for n, value in given.items()}
+    return tuple((n, _constant(c, f"constants.{n}", _refusal(file)).value) for n, c in own.items())
 
 
 def _declaration(name: str, whole: SystemTable, refuse: _Refuse) -> SystemDeclaration:
