@@ -128,11 +128,11 @@ def alternation(values: FloatArray) -> float:
     It is one for white noise, more for errors that alternate from one reading to the next, less for a motion, and of
     too few readings. NaN are gaps.
     """
-    shortest, *longer = (
-        _spread(m[np.isfinite(m)]) for m in (misses(values, *fit) for fit in (_DIFFERENCES[0], *CALMER))
-    )
-    enough = np.isfinite(values).sum() >= _FEWEST and min(longer) > 0.0
-    return shortest / max(longer) if enough else 0.0
+    if np.isfinite(values).sum() < _FEWEST:
+        return 0.0
+    missed = [misses(values, *fit) for fit in (_DIFFERENCES[0], *CALMER)]
+    shortest, *longer = (_spread(m[np.isfinite(m)]) if np.isfinite(m).any() else 0.0 for m in missed)
+    return shortest / max(longer) if min(longer) > 0.0 else 0.0
 
 
 def _missed(time: FloatArray, channel: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
