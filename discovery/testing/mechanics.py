@@ -108,9 +108,12 @@ class MechanicsContract:
         program, sample = whole(base), sample_states(base, (*_BESIDE, effect), count=2)
         slopes = slopes_of(base, sample)
         for k in range(2):
-            expected = slopes_by_sympy(program, sample, k)
-            rtol = max(1e-10, 1e2 * _round_off(base, sample))
-            np.testing.assert_allclose(slopes[:, k], expected, rtol=rtol, atol=1e-13)
+            expected = np.array(slopes_by_sympy(program, sample, k))
+            # Round-off of a solve is a share of all accelerations together: a small one has fewer digits of its own.
+            solved = np.arange(expected.size) // program.n_coordinates == 1
+            near = 1e-13 + 1e1 * _round_off(base, sample) * np.abs(expected[solved]).max()
+            for rows, atol in ((solved, near), (~solved, 1e-13)):
+                np.testing.assert_allclose(slopes[rows, k], expected[rows], rtol=1e-10, atol=atol)
 
     def test_numpy_and_kernel_agree(self, effect: str, base: str) -> None:
         """One step of the compiled kernel is one step of the plain method on the printed equations."""
