@@ -58,6 +58,8 @@ CASES: dict[tuple[str, str], Disturbance] = {
     ("table_tilt", "encoder_ripple"): TableTilt(3e-4, -4e-4),
     ("structural_damping", "sensor_delay"): StructuralDamping(1.5e-3),
 }
+#: What the sheet of the encoder says: one move holds product of amplitude and squared count, and no count up to six.
+SHEETS = {("encoder_ripple", "table_tilt"): dict.fromkeys(("r_s", "r_c"), (0.0, 3e-3))}
 #: The same; the second is the one that the tests below design for, too.
 QUICK_FIRST = [pair if pair[0] == "table_tilt" else pytest.param(pair, marks=pytest.mark.slow) for pair in CASES]
 ONE_MOVE = trapezoid(1.0, 1.2)
@@ -76,7 +78,12 @@ def old(pair: tuple[str, str]) -> Experiment:
 
 @cache
 def rivals(pair: tuple[str, str]) -> dict[str, Fit]:
-    return {name: fitted([old(pair)], name) for name in pair}
+    return {name: fitted([old(pair)], name, gaussian=sheet(pair, name)) for name in pair}
+
+
+def sheet(pair: tuple[str, str], name: str) -> dict[str, tuple[float, float]]:
+    """Return what is known of the true one of a pair."""
+    return SHEETS.get(pair, {}) if name == pair[0] else {}
 
 
 def stating(pair: tuple[str, str], **limits: float) -> dict[str, Fit]:
@@ -210,7 +217,8 @@ def test_the_designed_manoeuvre_separates_what_one_move_could_not(pair: tuple[st
     new = recorded(
         on_the_twin(found.moves), CASES[pair], stated=POOR_CAMERA, duration=LIMITS.duration, seed=4, name="second"
     )
-    after = {n: fitted([old(pair), new], n, start=f).chi2 for n, f in rivals(pair).items()}
+    both = [old(pair), new]
+    after = {n: fitted(both, n, start=f, gaussian=sheet(pair, n)).chi2 for n, f in rivals(pair).items()}
     gained = (after[wrong] - after[right]) - (before[wrong] - before[right])
     # The promise is that of the worse direction, to first order.
     assert gained > 0.5 * found.designed.chi2
