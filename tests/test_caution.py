@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import driven_oscillator as bench
 import numpy as np
@@ -14,7 +14,7 @@ from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, acausal, missed, unfinished
-from discovery.diagnosis.edges import at_edges, held_sign, strayed_constant
+from discovery.diagnosis.edges import at_edges, held_sign, lost_gain, strayed_constant
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
@@ -324,6 +324,26 @@ def test_a_constant_that_is_stated_right_is_left_alone(tmp_path: Path) -> None:
     found = close_loop(load_dataset(seen(tmp_path, mass="value = 1.0, sd = 0.02"), [tmp_path / "a.csv"])).summary()
     assert found["verdict"] == "nothing_missing"
     assert contradiction_sentences(found["contradiction"]) == []
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "told"), [(-29.0, 56.0, True), (8.0, None, True), (9.1, 1.2, False), (-9.1, 1.2, False)]
+)
+def test_a_gain_that_is_lost_with_what_was_added_is_doubted(value: float, sd: float | None, told: bool) -> None:
+    model = Model("oscillator", DECLARED)
+    assert model.mechanics.push() is not None
+
+    def fitted(value: float, sd: float | None) -> Fit:
+        row = {"value": value, "sd": sd, "unit": "rad s^-2"}
+        return cast(Fit, SimpleNamespace(model=model, problem=SimpleNamespace(free=("g",)), told=lambda _: row))
+
+    found = lost_gain(fitted(9.3, 1.0), fitted(value, sd))
+    assert (found is not None) == told
+    if found is not None:
+        assert "g = " in (said := caution_sentence(found.summary()))
+        assert "9.3 +- 1.0 rad s^-2 before" in said
+    # What no recording told before is not lost.
+    assert lost_gain(fitted(9.3, 5.0), fitted(value, sd)) is None
 
 
 def test_a_fit_that_stopped_on_its_way_is_doubted(scaled: Fit) -> None:

@@ -368,15 +368,23 @@ def test_a_force_that_bends_the_rod_in_more_modes_than_the_search_follows_is_jud
 
 @dataclass(frozen=True)
 class Gusts(Disturbance):
-    """Puffs of air at three times, of no rhythm."""
+    """Puffs of air at three times, and whereto."""
+
+    sides: tuple[int, int, int]
 
     def tip_force(self, time: float, position: complex, velocity: complex) -> complex:
-        return 0.006j * sum(s * np.exp(-(((time - at) / 0.1) ** 2)) for at, s in ((3.1, 1), (5.7, -1), (9.0, 1)))
+        each = zip((3.1, 5.7, 9.0), self.sides, strict=True)
+        return 0.006j * sum(side * np.exp(-(((time - at) / 0.1) ** 2)) for at, side in each)
+
+
+#: They follow each other as half periods of a sine do: it predicts the third of them, and is named.
+_ALTERNATING = pytest.param((1, -1, 1), marks=pytest.mark.xfail(strict=True, reason="a sine imitates three gusts"))
 
 
 @pytest.mark.slow
-def test_gusts_stay_unexplained(tmp_path: Path) -> None:
-    motion = simulate(PAPER_RIG, MANOEUVRES["train_large"], np.arange(601) / 50, disturbances=(Gusts(),))
+@pytest.mark.parametrize("sides", [(1, 1, -1), _ALTERNATING])
+def test_gusts_stay_unexplained(tmp_path: Path, sides: tuple[int, int, int]) -> None:
+    motion = simulate(PAPER_RIG, MANOEUVRES["train_large"], np.arange(601) / 50, disturbances=(Gusts(sides),))
     record(motion, rng=np.random.default_rng(5)).to_csv(tmp_path / "gusts.csv", index=False)
     result = alone(tmp_path / "gusts.csv")
     assert result.verdict == "unexplained"

@@ -50,6 +50,7 @@ class Caution:
     #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far from its guess),
     #: "held_sign" (a constant of the declared model that ends at zero and would go beyond), "far_start" (`value`, `sd`
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
+    #: "lost_gain" (of the input, not told from zero any more: `value`, `sd`, `unit`, `before` and `before_sd`),
     #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "stamps" (that err, see `diagnosis.stamps`), "burst" (where it lies in time), "like_noise" (of the

@@ -17,6 +17,7 @@ from discovery.estimation.fit import Fit
 _EDGE = 1e-3
 #: Standard deviations by which a constant would go beyond zero.
 _BEYOND = 3.0
+_TOLD = 2.0  # of those by which a gain is told from zero
 #: Widths of what is believed of a coordinate that nothing reads, beyond which it begins far off.
 _FARTHER = 3.0
 
@@ -83,6 +84,23 @@ def held_sign(declared: Fit, final: Fit) -> Caution | None:
     guess, unit = problem.model.parameters[named].default, declared.told(named)["unit"]
     numbers = {"guess": guess, "unit": unit, "passive": guess > 0 and is_passive(problem.model, named)}
     return Caution("held_sign", named, numbers=numbers)
+
+
+def lost_gain(declared: Fit, final: Fit) -> Caution | None:
+    """Return the gain of the input that the declared model told from zero, and the final one does not; None without.
+
+    What was added then does as the input does, or as the losses that the input makes up for.
+    """
+    push = final.model.mechanics.push()
+    gains = {x.name for x in push.free_symbols} & {*declared.problem.free} & {*final.problem.free} if push else ()
+    for name in sorted(gains):
+        before, after = declared.told(name), final.told(name)
+        if before["sd"] is None or abs(before["value"]) < _BEYOND * before["sd"]:
+            continue
+        if after["sd"] is None or abs(after["value"]) < _TOLD * after["sd"]:
+            numbers = {"value": after["value"], "sd": after["sd"], "unit": after["unit"]}
+            return Caution("lost_gain", name, numbers={**numbers, "before": before["value"], "before_sd": before["sd"]})
+    return None
 
 
 def far_start(final: Fit) -> Caution | None:

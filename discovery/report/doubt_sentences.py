@@ -24,6 +24,13 @@ def _value(found: Record) -> str:
     return f"{found['about']} = {figures(found['numbers']['value'])} {'' if unit == '1' else unit}".rstrip()
 
 
+def _told(found: Record) -> str:
+    """Return a gain, and what it was."""
+    n = found["numbers"]
+    after, before = (estimate_text(n[v], n[sd], n["unit"]) for v, sd in (("value", "sd"), ("before", "before_sd")))
+    return f"{after} ({before} before)"
+
+
 def _strayed(found: Record) -> str:
     numbers = found["numbers"]
     others = f" ({', '.join(numbers['others'])}: far from the guess, too)" if numbers["others"] else ""
@@ -168,6 +175,11 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     "effect_edge": lambda found: (
         f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
         "check the constants that the rig file states, units and signs"
+    ),
+    "lost_gain": lambda found: (
+        f"with what was added the gain of the input is not told from zero any more, {found['about']} = {_told(found)}: "
+        "that does as the input does in these recordings, and predicts no other input. Record another input, or state "
+        "the gain"
     ),
     "unfinished": lambda found: (
         f"the final fit stopped after {found['numbers']['iterations']} steps on its way to a minimum: its values and "
