@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,10 @@ from scipy.integrate import solve_ivp
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
+from discovery.estimation.predict import predict
 from discovery.foundation.errors import InputError
-from discovery.recordings.dataset import Dataset, load_dataset
+from discovery.recordings.dataset import Dataset, load_dataset, read_to_predict
+from discovery.recordings.experiment import Experiment
 from discovery.rigs.rig_file import read_rig
 
 STIFFNESS, LOSS, NOISE = 20.0, 0.1, 2e-4
@@ -92,6 +95,18 @@ def test_it_is_told_and_kept_in_parts_and_other_files(folder: Path) -> None:
     assert data.train[1].recording.part(slice(10, 50)).constants == (("mass", pytest.approx(0.35)),)
     named = load_dataset(folder / "rig.toml", [folder / "r1.csv"], [folder / "r2.csv"])
     assert [dict(e.recording.constants)["mass"] for _, e in named.everything] == pytest.approx([0.35, 0.8])
+
+
+def test_a_listed_file_is_predicted_with_its_constant(folder: Path) -> None:
+    data = dataset(folder, **OWN)
+    found = fit(declared_model(data), data)
+    listed, plain = (
+        predict(found, Experiment(replace(data.holdout[0].recording, constants=constants), None, data.rig), (0.05, 0.0))
+        for constants in (read_to_predict(folder / "r2.csv", data.rig).constants, ())
+    )
+    measured = data.holdout[0].recording.output
+    assert np.sqrt(np.mean((listed[0] - measured) ** 2)) < 2 * NOISE
+    assert np.sqrt(np.mean((plain[0] - measured) ** 2)) > 50 * NOISE
 
 
 @pytest.mark.parametrize("name", ["stiffness", "weight", "length"])

@@ -223,10 +223,10 @@ def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
 def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None) -> Experiment:
     """Read what is to be predicted."""
     from discovery.declarations.units import in_coordinate
+    from discovery.recordings.dataset import read_to_predict
     from discovery.recordings.experiment import make_experiment
-    from discovery.recordings.recording import read_recording
 
-    wanted = make_experiment(read_recording(target, dataset.rig, with_output=False), dataset.rig)
+    wanted = make_experiment(read_to_predict(target, dataset.rig), dataset.rig)
     if initial is None and wanted.drive is None:
         unit = dataset.train[0].reading_unit
         note(

@@ -91,6 +91,11 @@ def _whole(path: Path, rig: Rig) -> RecordPart:
     return RecordPart(path, at_rest=at_rest, constants=parts[0].constants if parts else ())
 
 
+def read_to_predict(path: Path, rig: Rig) -> Recording:
+    """Read times and input of a file that is to be predicted, with the constants that the rig file says of it."""
+    return replace(read_recording(path, rig, with_output=False), constants=_whole(path, rig).constants)
+
+
 def _read(part: RecordPart, rig: Rig) -> Recording:
     path = part.file
     if not os.path.exists(path):
