@@ -187,6 +187,17 @@ def test_a_bias_is_told_as_the_zero_of_the_sensor_whatever_its_unit(capsys: pyte
     assert said in capsys.readouterr().out
 
 
+def test_what_differs_between_recordings_is_told_of_each(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = {n: {"value": v, "sd": 0.01, "unit": "N"} for n, v in (("f_1", 0.1), ("f_r_0_init[up]", 0.2))}
+    grade = {"id": "recording_force", "parameters": rows, "evidence": {}, "probability": None,
+             "group_probability": None, "ambiguous_with": []}  # fmt: skip
+    say_loop(found_loop("explained", grade))
+    said = (
+        "(f_1 = 0.100 +- 0.010 N, f_r of up = 0.200 +- 0.010 N; another recording is predicted with that of the first)"
+    )
+    assert said in capsys.readouterr().out
+
+
 def test_what_is_not_explained_is_said_with_the_strongest_lead(capsys: pytest.CaptureFixture[str]) -> None:
     lead = {"effects": ["table_tilt", "wind"], "code": "size", "numbers": synthetic_run.odds(94.0, 10.0, 0.5)}
     say_loop(found_loop("unexplained", lead=lead))
