@@ -65,9 +65,8 @@ def say_missing(missing: MissingForce | None) -> None:
 def _effect_line(effect: Mapping[str, Any]) -> str:
     """Return an added effect with its values, what serves as well, and how sure it is."""
     from discovery.declarations.registry import effect_name
-    from discovery.foundation.start_names import start_of
+    from discovery.foundation.start_names import is_start, start_words
     from discovery.mechanics.upgrades import UPGRADES
-    from discovery.report.estimates import start_words
     from discovery.report.sentences import effect_sentence
 
     role = "mechanics" if effect["id"] in UPGRADES else "added"
@@ -79,7 +78,7 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
         for n, p in effect["parameters"].items()
     )
     first = "; another recording is predicted with that of the first"
-    values += first if any(start_of(n) for n in effect["parameters"]) else ""
+    values += first if any(is_start(n) for n in effect["parameters"]) else ""
     rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
     sure, name = effect_sentence(effect), effect_name(effect["id"])
     called = "" if name.lower() == effect["id"].replace("_", " ") else f", the {name}"

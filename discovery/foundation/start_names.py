@@ -33,3 +33,22 @@ def is_start(name: str) -> bool:
 def start_word(quantity: str) -> str:
     """Return what users call the quantity of such a name."""
     return _WORDS.get(quantity, quantity)
+
+
+def is_state(quantity: str) -> bool:
+    """Return whether such a quantity is what a recording begins with, and no parameter that is its own."""
+    return quantity in _WORDS
+
+
+def start_words(name: str) -> str:
+    """Return an initial state, or what else a recording has of its own, in words; another name as it is.
+
+    Examples
+    --------
+    >>> start_words("rate_0_init[high]"), start_words("psi_0_init[high]"), start_words("alpha")
+    ('rate at the start of high', 'psi of high', 'alpha')
+    """
+    if not (found := start_of(name)):
+        return name
+    quantity, recording = found
+    return f"{start_word(quantity)} {'at the start of' if is_state(quantity) else 'of'} {recording}"

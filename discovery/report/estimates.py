@@ -8,7 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from discovery.declarations.registry import get_effect
-from discovery.foundation.start_names import start_of, start_word
+from discovery.foundation.start_names import is_state, start_of, start_words
 from discovery.mechanics import get_base
 from discovery.report.numbers import MISSING, in_newtons, interval, rounded, significant, uncertain, unit_text
 from discovery.report.references import paper_numbers
@@ -64,7 +64,7 @@ def unit_of(name: str, unit: str, run: Run) -> str:
 def symbol_of(name: str) -> Markup | str:
     """Return the symbol of a parameter as mathematics, or the words for what is one of a recording."""
     start = start_of(name)
-    if start and start_word(start[0]) == start[0]:
+    if start and not is_state(start[0]):
         return Markup("{} of {}").format(name_cell(start[0]), start[1])
     return start_words(name) if start else name_cell(name)
 
@@ -119,15 +119,6 @@ def prior_words(prior: Mapping[str, Any] | None) -> str:
     if law == "log-normal":
         return f"log-normal, median {significant(prior['median'], 2)}, log sd {significant(prior['log_sd'], 2)}"
     return str(law)
-
-
-def start_words(name: str) -> str:
-    """Return an initial state, or what else a recording has of its own, in words."""
-    if not (found := start_of(name)):
-        return name
-    quantity, recording = found
-    called = start_word(quantity)
-    return f"{called} {'of' if called == quantity else 'at the start of'} {recording}"
 
 
 def nuisance_table(run: Run) -> Table | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from discovery.report.estimates import prior_words, start_words, symbol_of
+from discovery.foundation.start_names import start_words
+from discovery.report.estimates import prior_words, symbol_of
 from discovery.report.numbers import MISSING, fixed, interval, near_one, scale_for, significant
 from discovery.report.results import Run
 from discovery.report.tables import Cell, Table
