@@ -138,7 +138,7 @@ class Effect(ABC):
 
     @classmethod
     def turned(cls, amplitudes: FloatArray, own: float) -> FloatArray:
-        """Return the amplitudes (k,) that do in a recording without an own value what these do with it: it adds."""
+        """Return the amplitudes (k,) that do in a recording without an own value what these do with it: a sum."""
         return amplitudes + own
 
     @classmethod

@@ -28,9 +28,10 @@ def erring_stamps(left: Sequence[tuple[Recording, FloatArray]]) -> Caution | Non
 
     `left`: recordings, and what the model leaves of each, prediction less reading, (n, c); NaN where it does not count.
     """
-    pairs = [_expected(recording, part) for recording, part in left if _may_err(recording)]
-    if not pairs:
+    judged = [(recording, part, *_clock(recording.time)) for recording, part in left if _may_err(recording)]
+    if not judged:
         return None
+    pairs = [_expected(recording, part, behind) for recording, part, _, behind in judged]
     found, expected = (np.concatenate(each) for each in zip(*pairs, strict=True))
     push, power = float(expected @ found), float(expected @ expected)
     if found.size < _FEWEST or not 0.0 < power < np.inf or not np.isfinite(push):
@@ -40,8 +41,7 @@ def erring_stamps(left: Sequence[tuple[Recording, FloatArray]]) -> Caution | Non
     part = size * push / float(found @ found)
     if not (_WHOLLY[0] < size < _WHOLLY[1] and size > _SURE * sd and part > _PART):
         return None
-    recording = max((r for r, _ in left if _may_err(r)), key=lambda r: r.time.size)
-    step, behind = _clock(recording.time)
+    recording, _, step, behind = max(judged, key=lambda each: each[0].time.size)
     numbers = {"deviation": float(np.std(behind)), "share": part, "step": step}
     return Caution("stamps", recording.name, numbers=numbers)
 
@@ -50,16 +50,18 @@ def _may_err(recording: Recording) -> bool:
     return recording.jitter == 0.0 and recording.time.size > _FEWEST and not is_steady(recording.time)
 
 
-def _expected(recording: Recording, left: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what is left of the readings, and what it would be if their stamps erred, in noise sds."""
+def _expected(recording: Recording, left: FloatArray, behind: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what is left of the readings, and what it would be if their stamps erred, in noise sds.
+
+    `behind` (n,): how far stamps lie behind the clock [s].
+    """
     found, expected, time = [], [], recording.time
-    off = _clock(time)[1]
     for k, noise in enumerate(recording.noise):
         good = np.isfinite(left[:, k]) & np.isfinite(recording.output[:, k])
         if good.sum() > _FEWEST:
             slope = CubicSpline(time[good], (recording.output + left)[good, k])(time[good], 1)
             found.append(left[good, k] / noise)
-            expected.append(slope * off[good] / noise)
+            expected.append(slope * behind[good] / noise)
     return np.concatenate([np.empty(0), *found]), np.concatenate([np.empty(0), *expected])
 
 

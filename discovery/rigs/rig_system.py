@@ -123,6 +123,8 @@ def own_constants(
     file: RigText, table: RigTable, role: str, given: Mapping[str, float]
 ) -> tuple[tuple[str, float], ...]:
     """Return the constants that a recording of one list of [records] has of its own, in SI units."""
+    if not given:
+        return ()
     declared = {} if table.system is None else _whole(table.system, _refusal(file)).constants
     stated = [n for n, c in declared.items() if c.value is not None and c.sd is None]
     if unknown := [name for name in given if name not in stated]:
