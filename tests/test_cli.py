@@ -871,7 +871,7 @@ TRIED = {
     "oscillator": ({"second_mode", "constant_force", "sensor_delay"}, {"play", "buoyancy"}),
     "pendulum": ({"gravity_torque", "input_dead_zone"}, {"play", "friction_through_play"}),
     "base_excited": ({"linear_stiffness", "second_mode"}, {"input_dead_zone", "cogging"}),
-    "drive": ({"friction_through_play", "cogging", "input_saturation"}, {"play", "buoyancy"}),
+    "drive": ({"friction_through_play", "presliding_friction", "cogging", "input_saturation"}, {"play", "buoyancy"}),
     "system": ({"cogging", "play", "sensor_delay", "linear_stiffness"}, {"second_mode", "buoyancy"}),
     "falling_body": ({"buoyancy", "quadratic_drag"}, {"coulomb_friction", "gravity_torque", "constant_force"}),
 }

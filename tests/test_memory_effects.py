@@ -331,7 +331,7 @@ def test_at_a_place_the_state_of_the_place_forgets() -> None:
     assert {x.name for x in law.relaxation()[next(iter(law.states()))].free_symbols} >= {"w_d_joint"}
 
 
-@pytest.mark.parametrize("effect", ["hysteresis", "friction_through_play"])
+@pytest.mark.parametrize("effect", ["hysteresis", "friction_through_play", "presliding_friction"])
 def test_a_memory_forgets_no_faster_than_it_says(effect: str) -> None:
     law = get_effect(effect)
     ((state, slope),) = law.states().items()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 
+from discovery.declarations.registry import simplicity
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit
@@ -417,6 +418,9 @@ def test_of_sets_that_serve_as_well_the_simplest_comes_first() -> None:
     tied = [c for c in first if best - c.joint < nats]
     assert tied == first[: len(tied)]
     assert "coulomb_friction" in tied[0].added
+    # Among equally simple ones, what predicts best.
+    keys = [(simplicity(c.added[0], c.model.mechanics.system), -c.evidence.held) for c in tied]
+    assert keys == sorted(keys)
     rest = [c.joint for c in first[len(tied) :]]
     assert rest == sorted(rest, reverse=True)
 

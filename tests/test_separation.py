@@ -197,7 +197,7 @@ def test_rivals_are_alike_on_one_move() -> None:
 
 def test_the_physically_simplest_comes_first() -> None:
     names = ["periodic_disturbance", "encoder_ripple", "sensor_delay", "table_tilt", "structural_damping"]
-    ordered = sorted(names, key=lambda n: simplicity(n, "flexible_arm"))
+    ordered = sorted(names, key=lambda n: (simplicity(n, "flexible_arm"), n))
     assert ordered == ["structural_damping", "sensor_delay", "table_tilt", "encoder_ripple", "periodic_disturbance"]
 
 

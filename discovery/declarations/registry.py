@@ -114,7 +114,7 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
     return known[effect_id]
 
 
-def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
+def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool]:
     """Return a key that sorts effects, the physically simplest first.
 
     What imitates others comes last; then no free parameter before one, one before several, a force before a fault of an
@@ -125,4 +125,4 @@ def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool, str]:
     """
     declared = get_effect(effect)
     faulty, load = declared.kind in ("sensor", "drive"), declared.kind == "load"
-    return declared.pliable, len(declared.fitted(system)), faulty, load, effect
+    return declared.pliable, len(declared.fitted(system)), faulty, load

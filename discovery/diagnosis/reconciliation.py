@@ -149,7 +149,7 @@ def _ranked(
     system = wrong.model.mechanics.system
     found = []
     for c in sorted(
-        tried, key=lambda c: (c.joint < least, simplicity(c.added[0], system) if c.joint >= least else (-c.joint,))
+        tried, key=lambda c: (c.joint < least, simplicity(c.added[0], system) if c.joint >= least else (), -c.joint)
     ):
         spread = dict(zip(c.refit.problem.names, np.sqrt(np.diag(c.evidence.covariance)), strict=True))
         own = {p.name for p in get_effect(c.added[0]).parameters()}

@@ -194,7 +194,7 @@ def _laws(fits: Sequence[Fit], tried: Sequence[Pairs]) -> tuple[Laws, Distance]:
 
 def _in_order(rivals: Mapping[str, Fit]) -> tuple[tuple[str, ...], list[Fit]]:
     """Return rivals by name, the physically simplest first, and their fits."""
-    names = tuple(sorted(rivals, key=lambda n: simplicity(n, rivals[n].model.mechanics.system)))
+    names = tuple(sorted(rivals, key=lambda n: (simplicity(n, rivals[n].model.mechanics.system), n)))
     fits = [rivals[n] for n in names]
     if len(fits) < 2 or len({tuple(e.recording.name for e in f.problem.bench.experiments) for f in fits}) != 1:
         raise InputError("Rivals to be separated are at least two fits to the same recordings.")

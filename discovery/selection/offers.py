@@ -144,7 +144,10 @@ def plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
 
 
 def simplest_first(offered: Sequence[Contender], beside: Contender, settings: LoopSettings) -> list[Contender]:
-    """Return sets, the most likely first; of those that serve as well as it, the physically simplest come first."""
+    """Return sets, the most likely first; of those that serve as well as it, the physically simplest come first.
+
+    Of equally simple ones what predicts best does.
+    """
     best = max((c.joint for c in offered), default=-np.inf)
 
     def key(contender: Contender) -> tuple[object, ...]:
@@ -152,6 +155,6 @@ def simplest_first(offered: Sequence[Contender], beside: Contender, settings: Lo
         if not best - contender.joint < settings.nats:
             return True, -contender.joint
         simple = sorted((simplicity(e, contender.model.mechanics.system) for e in new), reverse=True)
-        return False, len(new), simple, -contender.joint
+        return False, len(new), simple, -contender.evidence.held
 
     return sorted(offered, key=key)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 Generator = np.random.Generator
 Draw = Callable[["Body", Generator], Ingredient]
+#: Laws of dry friction, which friction of another form resembles.
+DRY = ("coulomb_friction", "presliding_friction", "stribeck_friction")
 
 
 def _power(b: Body, rng: Generator) -> Ingredient:
@@ -23,7 +25,7 @@ def _power(b: Body, rng: Generator) -> Ingredient:
     low, high = ((0.35, 0.65), (1.35, 1.65), (2.4, 3.0))[rng.integers(3)]
     power = rng.uniform(low, high)
     unit = 0.005 * b.force / b.speed**power
-    like = ("coulomb_friction", "stribeck_friction") if power < 1 else ("quadratic_drag", "amplitude_dependent_damping")
+    like = DRY if power < 1 else ("quadratic_drag", "amplitude_dependent_damping")
     return Ingredient(
         "power_friction",
         lambda s: Action({"power_loss": s * unit, "power": power, "dry_speed": SIGN * b.speed}),
@@ -40,7 +42,7 @@ def _fading(b: Body, rng: Generator) -> Ingredient:
         "fading_friction",
         lambda s: Action({"fading": 0.003 * s * b.force, "fading_speed": slow, "dry_speed": SIGN * b.speed}),
         5.0 if b.system in ("decay", "pendulum") else 20.0,
-        resembles=("coulomb_friction", "stribeck_friction"),
+        resembles=DRY,
         shape={"speed": slow},
     )
 
