@@ -362,6 +362,28 @@ def test_an_exchange_stays_where_the_set_it_leads_to_is_as_likely(
     assert ("exchange" in [d.action for d in search.decisions]) != lost
 
 
+@pytest.mark.parametrize("strays", [False, True])
+def test_a_minimum_where_a_member_imitates_others_is_no_neighbour(
+    monkeypatch: pytest.MonkeyPatch, *, strays: bool
+) -> None:
+    search = offered(beta=1.0, f_c=0.02)
+    (first,) = (c for c in search.offers.beside(search.root) if c.added == ("cubic_stiffness",))
+    pair = next(c for c in search.offers.beside(first) if np.isfinite(c.joint))
+    deeper = dataclasses.replace(first, evidence=dataclasses.replace(first.evidence, train=first.evidence.train + 99))
+    monkeypatch.setattr(search.offers, "known", lambda *_: [deeper])
+    monkeypatch.setattr(Contender, "imitation", lambda c, effect: float(strays and c is deeper))
+    smaller = Neighbours(search.context, search.offers, search.root).without(pair, pair.added[-1])
+    assert (smaller is deeper) is not strays
+    assert smaller.added == first.added
+
+
+def test_a_search_goes_on_from_a_set_that_is_fitted_to_its_end() -> None:
+    search = offered(beta=1.0, f_c=0.02)
+    assert search._take(search.offers.beside(search.root))
+    again = settled(search.best, search.context)
+    assert again.evidence.train < search.best.evidence.train + 1e-3
+
+
 def test_what_leaves_more_than_before_is_no_half_of_a_pair() -> None:
     search = offered(beta=1.0, f_c=0.02)
     gains = {c: c.evidence.train - search.root.evidence.train for c in search.offers.beside(search.root)}

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
@@ -78,6 +79,16 @@ class Contender:
         """Return columns (rows, k) of its bench made white under its model error; up to `least` it counts as none."""
         error = ModelError.of(self.error_size, self.refit.problem.units.time) if self.evidence.error > least else None
         return replace(self.refit.problem, error=error).whitened(columns)
+
+    def imitation(self, effect: str) -> float:
+        """Return whether one of its effects does what others do at its values, see `Effect.imitates`."""
+        problem, law = self.refit.problem, get_effect(effect)
+        return law.imitates(self.refit.values, problem.units.time, *problem.bench.seen, problem.units.reach(law.place))
+
+    def strays(self, found: Contender) -> bool:
+        """Return whether an effect that it shares with a set imitates others here, and not there."""
+        shared = {*self.added}.intersection(found.added)
+        return any(self.imitation(e) > found.imitation(e) for e in shared)
 
     @property
     def is_far(self) -> bool:

@@ -47,7 +47,9 @@ class Neighbours:
             rest = tuple(e for e in found.added if e != effect)
             known = self.offers.known(rest, found.model.base)
             made = contenders(self.context, [(rest, relaxed(found.refit, found.model.without(effect)))])
-            self._smaller[key] = max([*made, *(known if rest else [self.root])], key=lambda c: c.evidence.train)
+            # Where a member that stays imitates others, it is another law by the same name.
+            made += known if rest else [self.root]
+            self._smaller[key] = max(made, key=lambda c: (not c.strays(found), c.evidence.train))
         return self._beside(found, self._smaller[key])
 
     def lower(self) -> Contender:
@@ -61,7 +63,7 @@ class Neighbours:
         """Return the sets with another effect in the place of a member, the most likely first."""
         smaller, own = self.without(found, effect), frozenset(found.added)
         offered = self.offers.beside(smaller) if self.affords(smaller) else []
-        others = [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint)]
+        others = [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint) and not c.strays(found)]
         return sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
 
     def within(self, found: Contender, effect: str) -> list[Contender]:

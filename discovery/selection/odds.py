@@ -79,11 +79,10 @@ def between_rivals(found: Contender, rival: Contender, settings: LoopSettings) -
 
 def _form(larger: Contender, smaller: Contender, settings: LoopSettings) -> float:
     """Return the form error of what a larger set adds."""
-    values, units, seen = larger.refit.values, larger.refit.problem.units, larger.refit.problem.bench.seen
-    added = [get_effect(e) for e in larger.added if e not in smaller.added]
-    if times := max((e.imitates(values, units.time, *seen, units.reach(e.place)) for e in added), default=0):
+    added = [e for e in larger.added if e not in smaller.added]
+    if times := max(map(larger.imitation, added), default=0):
         return settings.form_pliable * times
-    return settings.form_wide if any(e.pliable for e in added) else settings.form_of(larger.model)
+    return settings.form_wide if any(get_effect(e).pliable for e in added) else settings.form_of(larger.model)
 
 
 def _sizes(sets: tuple[Contender, ...], settings: LoopSettings, *, judged: bool) -> tuple[float, float, float]:

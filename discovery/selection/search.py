@@ -14,7 +14,7 @@ from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
-from discovery.selection.final import on_mechanics
+from discovery.selection.final import on_mechanics, settled
 from discovery.selection.neighbours import Neighbours
 from discovery.selection.odds import HELD, Odds, between_rivals, candidacy, odds_of
 from discovery.selection.offers import Offers, plain, simplest_first
@@ -249,7 +249,7 @@ class Search:
         return sorted(kept, key=lambda c: -odds[c].train)[: settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
-        """Make the most likely set that is accepted the best one."""
+        """Make the most likely set that is accepted, fitted to its end, the best one."""
         settings, before = self.context.settings, self.best
         told = tuple(candidacy(c, before, self.root, settings) for c in offered[:_TOLD])
         for contender in simplest_first(offered, before, settings)[:_TRIED]:
@@ -257,7 +257,7 @@ class Search:
             new = tuple(e for e in contender.added if e not in before.added)
             self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
             if code == "accepted":
-                self.best = contender
+                self.best = max(contender, settled(contender, self.context), key=lambda c: c.evidence.train)
                 return True
         return False
 
