@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from discovery.estimation.covariance import covariance_of
+from discovery.estimation.covariance import covariance_of, given
 from discovery.estimation.least_squares import Minimum
 
 N = 2000
@@ -91,3 +91,13 @@ def test_what_the_rig_knows_stays_uncertain_at_its_bound() -> None:
     covariance, reasons, _ = covariance_of(problem(), minimum)
     assert reasons == {"a": "at its bound"}
     np.testing.assert_allclose(covariance[1:, 1:], np.linalg.inv(jacobian[:, 1:].T @ jacobian[:, 1:]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("held", [[], [0], [0, 2]])
+def test_what_is_held_gives_the_others_the_covariance_of_a_fit_without_it(held: list[int]) -> None:
+    slopes = np.column_stack([SLOPES[:, 0], SLOPES[:, 0] + 0.1 * SLOPES[:, 1], SLOPES[:, 2]])
+    rest = [i for i in range(3) if i not in held]
+    found = given(np.linalg.inv(slopes.T @ slopes), held)
+    alone = np.linalg.inv(slopes[:, rest].T @ slopes[:, rest])
+    np.testing.assert_allclose(found[np.ix_(rest, rest)], alone, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(found[held], 0.0, atol=1e-9)

@@ -14,8 +14,9 @@ from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
 from discovery.drafting.law_of_motion import LOOKS, centre_of, is_one_line, is_relative
+from discovery.drafting.names import words_of
 from discovery.drafting.record_lines import DIFFERS, quoted_text, record_lines, trial_rows, unused_words
-from discovery.drafting.signals import Signal, Signals, angle_unit, find_signals, open_table
+from discovery.drafting.signals import TURNING, Signal, Signals, angle_unit, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
@@ -256,6 +257,8 @@ def _guessed(signal: Signal) -> str:
         return ""
     if signal.unit in ("s", "ms") and median_step(signal.values) == 1.0:
         return "FILL IN the unit, s or ms, which neither name nor numbers tell; "
+    if signal.unit in ("m/s", "rad/s") and not TURNING.intersection(words_of(signal.name)):
+        return "FILL IN the unit, m/s or rad/s, which neither name nor numbers tell; "
     return "FILL IN the unit, which the name does not state; " if signal.unit == "1" else "unit guessed; "
 
 

@@ -32,7 +32,8 @@ _MOVING = 5.0
 _FEW = 1000  # readings: fewer, a thousand a second, would be of less than a second
 #: Words for an angle, and for what turns, beside a velocity.
 _ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
-_TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
+#: Words of what turns: its speed is that of an angle.
+TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
 #: Where an angle in degrees has no unit: more than two turns in radians.
 _TURNS = 4.0 * np.pi
 
@@ -271,7 +272,7 @@ def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
     elif role == "output" and meanings[name].role == "height":
         unit = "m"
     elif role == "output" and meanings[name].role == "speed":
-        slides = "vel" in name.lower() and not _TURNING.intersection(words_of(name))
+        slides = "vel" in name.lower() and not TURNING.intersection(words_of(name))
         unit = "m/s" if slides else "rad/s"
     else:
         unit = "V" if role == "input" and "volt" in name.lower() else "1"

@@ -64,6 +64,15 @@ def covariance_of(
     return covariance, reasons, tuple(directions)
 
 
+def given(covariance: FloatArray, held: Sequence[int]) -> FloatArray:
+    """Return a covariance (p, p) where some parameters are where they are, as at a bound: theirs is zero.
+
+    Without their rows alone the others would keep what only moves together with them.
+    """
+    across = covariance[:, held]
+    return covariance - across @ np.linalg.pinv(covariance[np.ix_(held, held)], hermitian=True) @ across.T
+
+
 def principal_spread(covariance: FloatArray) -> FloatArray:
     """Return the principal axes of a covariance (p, p), each a column as long as its standard deviation.
 

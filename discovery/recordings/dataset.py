@@ -124,7 +124,7 @@ def load_dataset(
 ) -> Dataset:
     """Read a rig file and recordings.
 
-    Where the zero of the recordings' clock is farther away than they last, times are counted from the first reading.
+    Where the zero of the recordings' clock is farther away than they last, times are counted from the earliest reading.
 
     Parameters
     ----------

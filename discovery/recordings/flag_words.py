@@ -32,7 +32,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     ),
     "clock_far": (
         "note",
-        "The zero of its clock is far from the recordings: times are counted from their first reading, {zero:.10g} s.",
+        "The zero of its clock is far from the recordings: times are counted from {zero:.10g} s, the earliest of all.",
     ),
     "encoding_guessed": (
         "note",

@@ -8,7 +8,7 @@ import numpy as np
 
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
-from discovery.estimation.covariance import covariance_of, solver_shift
+from discovery.estimation.covariance import covariance_of, given, solver_shift
 from discovery.estimation.fit import SHIFT, Fit
 from discovery.estimation.generalised import generalised
 from discovery.estimation.model_error import ModelError
@@ -70,7 +70,8 @@ def finished(found: Contender, context: Context) -> tuple[Fit, Contender]:
 def _fit(contender: Contender) -> Fit:
     problem, minimum = contender.refit.problem, contender.refit.minimum
     _, reasons, directions = covariance_of(problem, minimum)
-    covariance = contender.evidence.covariance.copy()
+    held = [i for i, n in enumerate(problem.names) if n in reasons and minimum.at_bound[i]]
+    covariance = given(contender.evidence.covariance, held)
     lost = [problem.names.index(n) for n in reasons]
     covariance[lost, :] = covariance[:, lost] = np.nan
     weighted = replace(problem, error=ModelError.of(contender.error_size, problem.units.time))
