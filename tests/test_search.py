@@ -377,11 +377,20 @@ def test_a_minimum_where_a_member_imitates_others_is_no_neighbour(
     assert smaller.added == first.added
 
 
-def test_a_search_goes_on_from_a_set_that_is_fitted_to_its_end() -> None:
+@pytest.mark.parametrize("gain", [5.0, -5.0])
+def test_a_search_goes_on_from_a_set_that_is_fitted_to_its_end(monkeypatch: pytest.MonkeyPatch, gain: float) -> None:
     search = offered(beta=1.0, f_c=0.02)
-    assert search._take(search.offers.beside(search.root))
-    again = settled(search.best, search.context)
-    assert again.evidence.train < search.best.evidence.train + 1e-3
+
+    def ended(rough: Contender, _: Context) -> Contender:
+        return dataclasses.replace(
+            rough, evidence=dataclasses.replace(rough.evidence, train=rough.evidence.train + gain)
+        )
+
+    sets = search.offers.beside(search.root)
+    monkeypatch.setattr("discovery.selection.search.settled", ended)
+    assert search._take(sets)
+    # A last fit that is less likely is none.
+    assert (search.best in sets) == (gain < 0)
 
 
 def test_what_leaves_more_than_before_is_no_half_of_a_pair() -> None:
