@@ -15,8 +15,10 @@ from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 from discovery.declarations.registry import simplicity
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.fit import fit
+from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
+from discovery.foundation.errors import ComputationError
+from discovery.runs.loop import _searching
 from discovery.screening.refits import finish, settle
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -526,6 +528,20 @@ def test_a_set_is_refitted_from_the_declared_guesses_where_its_fit_went_astray()
     (stuck,), (afresh,) = (finish(root.refit.problem, root.refit.minimum, [lost], afresh=a) for a in (False, True))
     assert afresh.chi2 == pytest.approx(found.chi2, rel=1e-3)
     assert stuck.chi2 > 10 * found.chi2
+
+
+def test_a_lower_minimum_that_blows_up_on_its_own_steps_leads_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    shared = context(beta=1.0)
+    start = shared.fit(Model("oscillator", DECLARED), {"g": 0.9, "xi": 0.05, "alpha": 8.8}, {})
+
+    def blown(*_: object) -> Fit:
+        raise ComputationError("the motion blows up")
+
+    monkeypatch.setattr(Neighbours, "lower", lambda neighbours: copy(neighbours.root))
+    monkeypatch.setattr(Context, "fit", blown)
+    before, search = _searching(start, shared, led=True)
+    assert before is start
+    assert search.best.added == ()
 
 
 def test_a_candidate_that_leads_the_start_to_a_lower_minimum_is_none() -> None:

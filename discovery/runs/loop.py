@@ -19,6 +19,7 @@ from discovery.estimation.residual import ResidualReport, errors, examine, varia
 from discovery.estimation.step import error_unit
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.arrays import FloatArray
+from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Course, Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
 from discovery.mechanics.upgrades import UPGRADES
@@ -29,7 +30,7 @@ from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
 from discovery.recordings.rounding import resolution
 from discovery.runs.around_search import contradiction_of, in_its_units, separations, sought
-from discovery.runs.loop_result import LoopResult, ModelErrorReport
+from discovery.runs.loop_result import LoopResult, ModelErrorReport, noise_of
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -190,7 +191,10 @@ def _searching(before: Fit, context: Context, *, led: bool) -> tuple[Fit, Search
     search = Search(_start(before, context), context)
     if not led or context.train[0].system.has_rod or (lower := search.neighbours.lower()) is search.root:
         return before, search
-    before = context.fit(before.model, lower.refit.values, before.problem.gaussian)
+    try:
+        before = context.fit(before.model, lower.refit.values, before.problem.gaussian)
+    except ComputationError:  # on steps of its own it may blow up there
+        return before, search
     return before, Search(before, context)
 
 
@@ -267,14 +271,15 @@ def _model_error(
     context: Context, root: Contender, before: Contender, after: Contender, left: ResidualReport
 ) -> ModelErrorReport:
     """Return the model error before and after in the unit of the output."""
-    recording = context.train[0].recording
-    noise = float(recording.noise.min())
+    noise = noise_of([e.recording for e in context.train])
     sizes = [float(np.hypot(c.evidence.error, c.evidence.beyond)) * noise for c in (before, after)]
     depends = tuple(d.variable for d in left.dependence if d.share > _DEPENDS and d.p_value < 1e-3)
     share = sizes[1] / sizes[0] if sizes[0] > 0 and np.isfinite(sizes[0]) else 1.0
     least = least_error(after, root, context) * noise
-    held = after.evidence.off * noise
-    return ModelErrorReport(sizes[0], sizes[1], recording.units[0], share, least, held=held, depends_on=depends)
+    # Its readings may be noisier, or less so.
+    held = after.evidence.off * noise_of([e.recording for e, _ in context.judge.parts]) if context.judge.holds else 0.0
+    unit = context.train[0].recording.units[0]
+    return ModelErrorReport(sizes[0], sizes[1], unit, share, least, held=held, depends_on=depends)
 
 
 def _errors(

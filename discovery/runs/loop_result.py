@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -33,6 +33,12 @@ from discovery.recordings.recording import Recording
 from discovery.runs.description import flagged
 from discovery.selection.decision import Decision
 from discovery.selection.verdict import Named
+
+
+def noise_of(recordings: Sequence[Recording]) -> float:
+    """Return the noise in which a model error of recordings counts, rms over their readings [unit of the output]."""
+    squares = [float(r.noise.min()) ** 2 for r in recordings]
+    return float(np.sqrt(np.average(squares, weights=[r.time.size for r in recordings])))
 
 
 @dataclass(frozen=True)
@@ -199,7 +205,7 @@ class LoopResult(LoopViews):
         experiments = bench.experiments
         if all(e.fitted_samples is None for e in experiments):
             return self.after
-        noise = float(min(e.recording.noise.min() for e in experiments))
+        noise = noise_of([e.recording for e in experiments])
         whole = [replace(e, fitted_samples=None) for e in experiments]
         # Their motions, and so the steps that these ask for, are known.
         return fitted_to_all(
