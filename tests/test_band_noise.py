@@ -181,3 +181,16 @@ def test_readings_that_err_in_opposite_directions_are_told(tmp_path: Path, alter
     errors = rng.standard_normal(600) if not alternates else sign * (1.0 + 0.3 * rng.standard_normal(600))
     read = reading(tmp_path, rig_of(tmp_path), DECAY[:600] + SIZE * errors)
     assert ["noise_alternates"] * alternates == [f.code for f in read.flags if f.code == "noise_alternates"]
+
+
+@pytest.mark.parametrize("count", [70, 100, 400])
+def test_few_readings_that_alternate_are_no_noisier_than_they_scatter(count: int) -> None:
+    time, sign = np.arange(count), np.where(np.arange(count) % 2, 1.0, -1.0)
+    rise, found = 1.0 - np.exp(-time / 2.5), []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        found.append(estimate_noise(rise + 0.05 * (sign + 0.6 * rng.standard_normal(count))) / 0.058)
+    # Differences alone tell twice the scatter.
+    assert np.mean(np.array(found) < 1.5) > 0.85
+    white = [estimate_noise(np.random.default_rng(seed).standard_normal(count)) for seed in range(500)]
+    assert np.mean(np.array(white) < 0.4) < 0.01

@@ -37,7 +37,8 @@ _INSIDE = 0.3
 _FEWEST_READINGS = 200  # readings, fewer scatter too little to contradict a statement
 _OTHER = 1.5  # ratio of noises that differ
 _COARSE = 0.3  # of the noise
-_SURE = 4.0  # standard deviations
+#: Over the root of the number of readings: of white noise, once in a thousand times local fits scatter less by more.
+_CHANCE = 4.0
 _SETTLED = 0.9  # of an estimate is left by the next order of differences where it holds no signal
 _SAME = 0.8  # part of the largest estimate that the smallest is where all hold noise alone
 _STILL, _RESTING = 9, 0.1  # readings alike, as many as the highest differences take; share of all that moves a median
@@ -196,8 +197,7 @@ def _without_rests(values: FloatArray) -> FloatArray:
 def _calmed(values: FloatArray, differences: float) -> float:
     """Return the estimate of local fits where it is below that of differences beyond chance, otherwise the latter."""
     good = values[np.isfinite(values)]
-    # A standard deviation from a median deviation is known to 0.8 sqrt(2 / n) of itself.
-    below = (1.0 - _SURE * 0.8 * np.sqrt(2.0 / max(good.size, 1))) * differences
+    below = (1.0 - _CHANCE / np.sqrt(max(good.size, 1))) * differences
     if not below > 0.0:
         return differences
     fits = [misses(good, *fit) for fit in CALMER + SLOWEST if good.size >= 2 * fit[1]]
