@@ -449,7 +449,7 @@ def test_quiet_keeps_what_a_result_means(
     warning = f"{film.train}: without --initial-state the prediction starts at rest, and no input drives this system"
     assert quiet.startswith(warning)
     assert warning in loud
-    assert "stays there, unless what is found is a force in time" in loud
+    assert "stays there, unless it falls or a force in time is found" in loud
     assert "scatters by" in loud
     assert "scatters by" not in quiet
     assert "errors stay, and a warning that" in " ".join(call(capsys, "loop", "--help").out.split())

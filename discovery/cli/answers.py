@@ -128,7 +128,7 @@ def _posterior(
     "--initial-state",
     metavar="POSITION,RATE",
     help="Initial state of --predict, what is read and its rate: rad and rad/s (80 degrees are 1.396), m and m/s of a "
-    "length, rad/s and rad/s^2 of a speed; static equilibrium otherwise.",
+    "length, rad/s and rad/s^2 of a speed; otherwise static equilibrium, zero where nothing pulls back.",
 )
 def loop(
     rig: Path, train, holdout, out: Path, seed: int, estimate_noise: bool, quiet: bool, as_json: bool,
@@ -231,8 +231,8 @@ def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None)
         unit = dataset.train[0].reading_unit
         note(
             f"{target}: without --initial-state the prediction starts at rest, and no input drives this system: it "
-            "stays there, unless what is found is a force in time. Give what is read at the first time, and its rate, "
-            f"with --initial-state POSITION,RATE [{unit}, {in_coordinate('q s^-1', unit)}]."
+            "stays there, unless it falls or a force in time is found. Give what is read at the first time, and its "
+            f"rate, with --initial-state POSITION,RATE [{unit}, {in_coordinate('q s^-1', unit)}]."
         )
     return wanted
 

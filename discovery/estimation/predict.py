@@ -32,7 +32,6 @@ from discovery.simulation.simulate import check_finite
 _APART, _NEAR = 0.5, 1e-3
 
 _NO_REST = "The model has no rest position in its range; give --initial-state POSITION,RATE."
-_FREE = "No force of the model depends on the position: it rests {}; give --initial-state POSITION,RATE."
 
 
 def predict(
@@ -151,11 +150,11 @@ def equilibrium(
     """Return the deflection at which the model rests under a constant input.
 
     Of several rest positions the one nearest to zero is returned. A declared system begins at rest where its
-    coordinates are zero: many have no place where they rest.
+    coordinates are zero, as does a body that nothing pulls back: they have no place where they rest.
 
     `values`: its parameters; missing ones are absent. `drive`: input at rest: motor angle [rad], or u. `time`: forces
     that depend on time are held as they are then [s]; by default they are left out. Raises ComputationError if there is
-    no rest position within the range of the model, or no restoring force at all.
+    no rest position within the range of the model.
     """
     if model.mechanics.places():
         return 0.0
@@ -166,7 +165,7 @@ def equilibrium(
     force = np.array([rest.push(d) for d in grid])
     crossing = np.flatnonzero((force[:-1] >= 0) & (force[1:] < 0))
     if n == 1 and np.ptp(force) <= 1e-12 * np.abs(force).max():
-        raise ComputationError(_FREE.format("nowhere" if force.any() else "anywhere"))
+        return 0.0
     if crossing.size == 0:
         # A root that turns with its load has memory: the rod and its root settle together.
         q = rest.settled(units.time)
