@@ -15,9 +15,9 @@ from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.declared import declared_model
+from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import fit
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.predict import equilibrium
 from discovery.export.symbolic import equation_text
 from discovery.foundation.errors import InputError
 from discovery.mechanics.systems import system_base

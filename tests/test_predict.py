@@ -11,10 +11,11 @@ from discovery.effects.table_tilt import G
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
+from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import held_out
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.predict import equilibrium, predict
+from discovery.estimation.predict import predict
 from discovery.estimation.problem import Problem
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.drive import Drive
@@ -362,3 +363,16 @@ def test_an_arm_under_a_force_in_time_rests_near_its_straight_shape() -> None:
     effects = ("viscous_damping", "linear_stiffness", "periodic_disturbance", "base_compliance")
     found = equilibrium(Model("elastica_4", effects), values, NaturalUnits(0.415, 0.3, 1.0), [0.0], 0.0)
     assert 0.0 < abs(found) < 0.002
+
+
+def test_a_given_state_is_what_an_instrument_that_errs_reads() -> None:
+    time = np.arange(0.0, 10.0, 0.02)
+    effects = ("viscous_damping", "linear_stiffness", "position_scale", "angle_offset")
+    rig = Rig("o", "oscillator", columns=Columns(TimeColumn(), None, OutputColumn("y", "m")), declared=effects)
+    swing = 0.3 * np.exp(-0.1 * time) * np.cos(3.0 * time)
+    recording = Recording("a", time, None, swing[:, None], ("output",), ("m",), np.array([1e-3]), "", "")
+    experiment = Experiment(recording, None, rig)
+    found = fit(Model("oscillator", effects, {"g": 0.0, "s": 0.2, "theta_0": 0.03}), [experiment])
+    output, _ = predict(found, experiment, initial=(0.25, -0.1))
+    assert output[0, 0] == pytest.approx(0.25, abs=1e-9)
+    assert np.gradient(output[:, 0], time, edge_order=2)[0] == pytest.approx(-0.1, abs=2e-3)

@@ -26,9 +26,9 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
+from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import fit
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.predict import equilibrium
 from discovery.mechanics import get_base
 from discovery.mechanics.rod import STRAIGHT, rod_of
 from discovery.recordings.experiment import Experiment

@@ -219,6 +219,38 @@ def test_a_hoist_that_stops_at_either_end_and_elsewhere_is_not_clipped():
     assert below.sum() == np.sum(read >= 8000.0)
 
 
+def test_a_servo_that_rests_at_home_between_its_moves_is_not_clipped(tmp_path):
+    # A geared motor that goes off from its home and comes back, where friction holds it: home is its largest reading.
+    out = np.array([0, 0, -95, -230, -375, -398, -398, -341, -226, -93, 0])
+    push = np.array([0, -12, -250, -387, -150, -25, 25, 221, 379, 121, 0]) / 100.0
+    read, volts = (np.concatenate([np.r_[part, np.zeros(14)] for _ in range(4)]) for part in (out, push))
+    table = np.column_stack([0.1 * np.arange(read.size), volts, 2347 + read])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,u,count", comments="")
+    text = """
+name = "servo"
+[system]
+like = "dc_motor"
+output = "phi"
+[system.constants]
+inertia = { guess = 0.05, unit = "kg m^2" }
+loss = { value = 0.0, unit = "N m s" }
+torque_constant = { guess = 2.0, unit = "N m / A" }
+resistance = { value = 1.0, unit = "ohm" }
+[columns]
+time = { name = "t", unit = "s" }
+input = { name = "u", unit = "V", interpolation = "linear" }
+output = { name = "count", unit = "rev", zero = 2347, scale = 0.000244140625 }
+"""
+    (tmp_path / "rig.toml").write_text(text)
+    recording = read_recording(tmp_path / "a.csv", read_rig(tmp_path / "rig.toml"))
+    assert np.isfinite(recording.output).all()
+    # Where something pushes throughout, what is flat at an end is cut off.
+    table[:, 1] += 1.0
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,u,count", comments="")
+    recording = read_recording(tmp_path / "a.csv", read_rig(tmp_path / "rig.toml"))
+    assert not np.isfinite(recording.output).all()
+
+
 @pytest.mark.parametrize("step", [0.08789062590975255, 1.0, 2 * np.pi / 40000])
 def test_the_quantum_is_found_through_conversions(step):
     values = np.round(300 * step * DECAY / step) * step

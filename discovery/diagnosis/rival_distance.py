@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 
 from discovery.diagnosis.manoeuvre_design import NUMBERS, MotorLimits, Move, hub_drive, moves_from_unit
 from discovery.diagnosis.rival_pairs import Laws, Pairs
+from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit
-from discovery.estimation.predict import equilibrium
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.sampling import median_step

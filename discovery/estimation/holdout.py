@@ -26,6 +26,8 @@ from discovery.recordings.parts import motion_over_noise, two_thirds
 
 #: What held-out recordings are called that were given as such.
 SEPARATE = "separate recordings"
+#: Readings so many times their noise, and derivatives, are those of a motion that blows up.
+_WILD = 1e100
 #: A state is found within so many steps.
 _ITERATIONS = 12
 
@@ -46,8 +48,9 @@ class Constant:
 
 
 def all_finite(channels: Sequence[Channel]) -> bool:
-    """Return whether no channel has a reading that is not finite."""
-    return all(np.isfinite(c.columns).all() for c in channels)
+    """Return whether no channel has a reading that is not finite, nor one whose square would not be."""
+    with np.errstate(invalid="ignore"):
+        return all((np.abs(c.columns) < _WILD).all() for c in channels)
 
 
 class HoldOut:

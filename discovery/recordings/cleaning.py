@@ -7,6 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from discovery.declarations.registry import get_effect
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
@@ -21,6 +22,7 @@ from discovery.rigs.rig import Rig
 
 Bands = list[BandNoise | None]
 _ALTERNATES = 1.4  # ratio of noises from which readings err in opposite directions: that of white noise is 1.0 +- 0.1
+_IDLE = 0.02  # part of its largest value by which an input hardly pushes
 #: SI units of what is no position.
 _MOTIONS = dict.fromkeys(("m/s", "rad/s"), "a speed") | dict.fromkeys(("m/s^2", "rad/s^2"), "an acceleration")
 
@@ -34,6 +36,9 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
     rate = get_base(rig.base).order == 1
     position = get_base(rig.base).order == 0 and rig.view is None and rig.columns.output.reads == "position"
     driven = position and found.inputs is not None and not rig.traits.has_rod
+    still = None
+    if driven and found.inputs is not None and get_base(rig.base).drifts(map(get_effect, rig.declared)):
+        still = np.abs(found.inputs) <= _IDLE * np.nanmax(np.abs(found.inputs))  # it may stop anywhere
     for channel, known in zip(found.channels, stated, strict=True):
         if channel not in found.outputs:
             noise.append(1.0 if known is None else known)
@@ -44,7 +49,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
         if position and (what := _MOTIONS.get(si_symbol(unit))):
             flags.append(Flag("rate_as_position", name, unit, {"what": what}))
         if rig.view is None:  # a force of friction is flat by itself
-            values, told = without_ends(name, unit, found.time, values)
+            values, told = without_ends(name, unit, found.time, values, still)
             flags += told
         given, scatter = found.inputs, estimate_noise(values, found.time)
         # A view passes filters of its own.
@@ -58,7 +63,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
         elif rig.view is None and (ratio := alternation(values)) > _ALTERNATES:
             flags.append(Flag("noise_alternates", name, unit, {"ratio": ratio}))
         values, told = clean_output(
-            name, unit, found.time, values, noise[-1], returns, given=given, rate=rate, driven=driven
+            name, unit, found.time, values, noise[-1], returns, given=given, rate=rate, driven=driven, still=still
         )
         found.outputs[channel] = values
         flags += told

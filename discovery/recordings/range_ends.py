@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.recordings.sensor_faults import IDLE
 
 _BANDS = (0, 1, 2, 4, 8, 16)  # steps that readings at an end may lie apart
 _OF_RANGE = 0.01  # of all readings, the widest band
@@ -18,24 +19,28 @@ _FLAT = 4.0  # power of the flattest turn
 _CLEAR = 10.0  # bands by which a stay is left at least: speeds are told apart by less than steps
 
 
-def cut_off(values: FloatArray, step: float) -> tuple[BoolArray, tuple[float, ...]]:
+def cut_off(values: FloatArray, step: float, still: BoolArray | None = None) -> tuple[BoolArray, tuple[float, ...]]:
     """Find readings (n,) at an end of the range of an instrument that reads in steps; NaN are gaps.
 
     Returned: which they are, and the ends. A motion that stays for some readings within a few steps of its extreme
     turns there, or stands still: it leaves the band slowly. One that is cut off enters and leaves it at its speed. Even
     a turn as flat as a fourth power leaves it by no more than a ratio of lengths allows. Two such stays tell an end.
+    `still` (n,): where what is read may stand still by itself, as a drive that nothing pushes; stays there tell none.
     """
     good = np.flatnonzero(np.isfinite(values))
     nothing = np.zeros(values.size, bool)
     if step == 0.0 or good.size < 2 * _BESIDE:
         return nothing, ()
     read = values[good]
+    idle = np.zeros(read.size, bool) if still is None else still[good]
     ends = {sign: float((sign * read).max()) for sign in (-1.0, 1.0)}
     stays: dict[float, tuple[int, float]] = {}
     for sign, end in ends.items():
         below = end - sign * read
         counts = [
-            (_stays(below, band * step, step), -band) for band in _BANDS if band * step <= _OF_RANGE * np.ptp(read)
+            (_stays(below, band * step, step, idle), -band)
+            for band in _BANDS
+            if band * step <= _OF_RANGE * np.ptp(read)
         ]
         most, narrowest = max(counts, default=(0, 0))
         stays[sign] = (most, -narrowest * step)
@@ -50,14 +55,14 @@ def cut_off(values: FloatArray, step: float) -> tuple[BoolArray, tuple[float, ..
     return nothing, tuple(limits)
 
 
-def _stays(below: FloatArray, band: float, step: float) -> int:
+def _stays(below: FloatArray, band: float, step: float, idle: BoolArray) -> int:
     """Return how often readings that lie so far `below` their extreme stay within a band as no motion does."""
     inside = np.concatenate([[False], below <= band + 0.5 * step, [False]])
     edges = np.flatnonzero(np.diff(inside.astype(np.int8)))
     found = 0
     for start, stop in zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True):
         length = stop - start
-        if length < _SHORTEST:
+        if length < _SHORTEST or idle[start:stop].mean() > IDLE:
             continue
         # A turn of this length within the band is so far below two readings later.
         most = (band + step) * max(_CLEAR, ((length + 4.0) / (length - 1.0)) ** _FLAT)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.foundation.arrays import FloatArray, within_half_a_turn
+from discovery.foundation.arrays import BoolArray, FloatArray, within_half_a_turn
 from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.range_ends import cut_off
@@ -138,9 +138,11 @@ def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
     return float(np.std(values - sine @ np.linalg.lstsq(sine, values, rcond=None)[0]))
 
 
-def without_ends(label: str, unit: str, time: FloatArray, values: FloatArray) -> tuple[FloatArray, list[Flag]]:
+def without_ends(
+    label: str, unit: str, time: FloatArray, values: FloatArray, still: BoolArray | None = None
+) -> tuple[FloatArray, list[Flag]]:
     """Leave out readings (n,) that an end of the instrument's range cuts off, and tell it; their noise is none."""
-    cut, limits = cut_off(values, quantum(values, time))
+    cut, limits = cut_off(values, quantum(values, time), still)
     if not limits:
         return values, []
     numbers = {"limits": [float(limit) for limit in limits], "count": int(cut.sum())}
@@ -158,14 +160,16 @@ def clean_output(
     *,
     rate: bool = False,
     driven: bool = False,
+    still: BoolArray | None = None,
 ) -> tuple[FloatArray, list[Flag]]:
     """Leave out what the instrument did not measure, and tell what else is unusual.
 
     `label`, `unit`: column and its unit in the file. `time`, `values` (n,): times [s] and readings; NaN are gaps.
     `noise`: standard deviation of a reading. `returns`: whether the system has a rest position, so that its mean must
     not creep. `given` (n,): the input. `rate`: whether a speed is read, which may stand still at zero. `driven`:
-    whether a position is read of what an input moves, which may come to rest anywhere. Returned: the readings with NaN
-    for stuck and clipped ones, the same array where there are none, and what is told.
+    whether a position is read of what an input moves, which may come to rest anywhere, where it is `still` (n,) even
+    abruptly. Returned: the readings with NaN for stuck and clipped ones, the same array where there are none, and what
+    is told.
     """
     step = quantum(values, time)
     rounding = step / np.sqrt(12.0)
@@ -176,7 +180,7 @@ def clean_output(
 
     if rounding > _COARSE * noise:
         tell("readings_coarse", step=float(step), rounding=float(rounding))
-    flat = flat_runs(values, max(noise, step), rate=rate, driven=driven)
+    flat = flat_runs(values, max(noise, step), rate=rate, driven=driven, still=still)
     if flat.stretches:
         start, length = max(flat.stretches, key=lambda run: run[1])
         total = {"stretches": len(flat.stretches), "total": int(flat.stuck.sum())}

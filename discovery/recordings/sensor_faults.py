@@ -23,6 +23,7 @@ _SPIKE = 12.0  # robust sds
 _OF_EVEN = np.sqrt(70.0) / 6.0  # sd of what misses the cubic through evenly spaced neighbours [noise sds]
 _WIDE = 2.0  # times the usual span of neighbours
 _NEIGHBOURHOOD = 25  # samples on either side of a spike that tell what is usual
+IDLE = 0.5  # share of a stay in which nothing pushes, from which a drive rests there
 _PERIODS = 4.0  # over which a mean is taken
 _CREEP = 0.05  # of the signal's sd
 _CERTAIN = 3.0  # standard errors
@@ -45,7 +46,9 @@ class FlatRuns:
     limits: tuple[float, ...]
 
 
-def flat_runs(values: FloatArray, error: float, *, rate: bool = False, driven: bool = False) -> FlatRuns:
+def flat_runs(
+    values: FloatArray, error: float, *, rate: bool = False, driven: bool = False, still: BoolArray | None = None
+) -> FlatRuns:
     """Find equal readings in a row between which the system was moving; NaN are gaps.
 
     A motion that turns or comes to rest slows down before it stands still, and a quantised one covers only a few
@@ -55,7 +58,8 @@ def flat_runs(values: FloatArray, error: float, *, rate: bool = False, driven: b
 
     `error` is the standard deviation of a reading, or the quantum if that is larger. Where `rate` says that a speed is
     read, dry friction ends it abruptly: zero, to which no jump leads, is a standstill. So is any place of what is
-    `driven`, where it slows down before, and moves on from there without a jump.
+    `driven`, where it slows down before, and moves on from there without a jump; or, however it comes there, where it
+    may stand by itself most of the time, `still` (n,), as nothing pushes.
     """
     change = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0, [True]]))
     starts, lengths = change[:-1], np.diff(change)
@@ -73,7 +77,8 @@ def flat_runs(values: FloatArray, error: float, *, rate: bool = False, driven: b
             continue
         if rate and abs(values[start]) <= error and not _jumps(values, *run, error):
             continue
-        if driven and _rests(values, *run, error):
+        idle = still is not None and np.mean(still[start : start + length]) > IDLE
+        if driven and (_rests(values, *run, error) or (idle and not _jumps(values, *run, error))):
             continue
         if limit:
             at_limit.setdefault(float(values[start]), []).append(run)
