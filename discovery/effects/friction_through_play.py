@@ -32,6 +32,11 @@ class FrictionThroughPlay(Memory):
         shape=True, latex="w_d",
     )  # fmt: skip
 
+    @classmethod
+    def imitates(cls, values, time, duration, step, reach):
+        """Return whether the play is wider than the way: a friction that changes along it."""
+        return values["w_d"] > reach
+
     def states(self):
         """Return the slack with its rate."""
         held = (sp.Abs(bend_dot) * sp.Abs(_SLACK) * _SLACK + bend_dot * _SLACK**2) / (2 * self.w_d**2)

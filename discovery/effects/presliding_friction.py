@@ -30,6 +30,11 @@ class PreslidingFriction(Memory):
         starts=(0.005, 0.02, 0.08, 0.3), shape=True, latex="s_p",
     )  # fmt: skip
 
+    @classmethod
+    def imitates(cls, values, time, duration, step, reach):
+        """Return whether the contact gives way by more than half of the way: a spring that forgets."""
+        return values["s_p"] > reach
+
     def states(self):
         """Return how far the contact has given way, with its rate."""
         return {_GIVEN: bend_dot - sp.Abs(bend_dot) * _GIVEN / self.s_p}
