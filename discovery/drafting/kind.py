@@ -70,11 +70,12 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
     hanging = "pend" in f"{found.path.stem} {found.output.name}".lower()
-    if not hanging and any(_goes_on(each) for each in recordings):
+    if not hanging and (one := next(filter(_goes_on, recordings), None)) is not None:
         if found.input is not None:
             return Guess("drive", "an input turns it on and on, and nothing pulls it back")
         goes = "an angle that turns on and on" if unit == "rad" else "it never turns back"
-        return Guess("system", f"{goes}, and no input: in its own equations, docs/YOUR_SYSTEM.md")
+        where = "" if len(recordings) == 1 else f"in {one.path.name} "
+        return Guess("system", f"{where}{goes}, and no input: in its own equations, docs/YOUR_SYSTEM.md")
     if found.input is None:
         if unit == "rad":
             again = f"discovery init {name} --kind oscillator"

@@ -228,7 +228,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "noise_alternates": (
         "doubt",
         "Neighbouring readings of {column!r} err in opposite directions, as differences of counts do: over several of "
-        "them noise is at least {ratio:.2g} times smaller. Give the counts, as a position, or averages of neighbours.",
+        "them noise is at least {ratio:.2g} times smaller. Give averages of neighbours, or what was counted.",
     ),
     "alike_kept": (
         "doubt",

@@ -15,7 +15,7 @@ from discovery.estimation.generalised import fitted_to_all, without_bent
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.natural_units import natural_units
-from discovery.estimation.residual import ResidualReport, errors, examine, variance_left
+from discovery.estimation.residual import errors, examine, variance_left
 from discovery.estimation.step import error_unit
 from discovery.foundation.arguments import check_seed, expect
 from discovery.foundation.arrays import FloatArray
@@ -30,7 +30,7 @@ from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
 from discovery.recordings.rounding import resolution
 from discovery.runs.around_search import contradiction_of, in_its_units, separations, sought
-from discovery.runs.loop_result import LoopResult, ModelErrorReport, noise_of
+from discovery.runs.loop_result import LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
@@ -38,15 +38,13 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import finished, settled
 from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
-from discovery.selection.verdict import Named, is_complete, least_error, named, strongest_lead, verdict_of
+from discovery.selection.verdict import Named, is_complete, named, strongest_lead, verdict_of
 from discovery.simulation.simulate import THREADS
 
 #: The exact arm on which effects are searched.
 _EXACT = [*UPGRADES.values()][-1].base
 #: A trajectory error below so many noise sds at every sample is none to the search.
 _HIDDEN = 0.06
-#: A state on which the residual depends explains so much of its variance.
-_DEPENDS = 0.1
 #: Part of the readings' variance beyond which the declared model leaves most of the motion.
 _MOST = 0.5
 
@@ -257,7 +255,7 @@ def _result(
         after=after[0],
         steps=(*steps, *search.decisions),
         errors=_errors(context, on_train, held),
-        model_error=_model_error(context, search.root, before[1], after[1], reports["after"]),
+        model_error=ModelErrorReport.of(context, search.root, before[1], after[1], reports["after"]),
         lead=lead,
         residual_before=reports["before"],
         residual_after=reports["after"],
@@ -265,21 +263,6 @@ def _result(
         complete=complete,
         recordings=tuple(e.recording for e in (*train, *judge.separate)),
     )
-
-
-def _model_error(
-    context: Context, root: Contender, before: Contender, after: Contender, left: ResidualReport
-) -> ModelErrorReport:
-    """Return the model error before and after in the unit of the output."""
-    noise = noise_of([e.recording for e in context.train])
-    sizes = [float(np.hypot(c.evidence.error, c.evidence.beyond)) * noise for c in (before, after)]
-    depends = tuple(d.variable for d in left.dependence if d.share > _DEPENDS and d.p_value < 1e-3)
-    share = sizes[1] / sizes[0] if sizes[0] > 0 and np.isfinite(sizes[0]) else 1.0
-    least = least_error(after, root, context) * noise
-    # Its readings may be noisier, or less so.
-    held = after.evidence.off * noise_of([e.recording for e, _ in context.judge.parts]) if context.judge.holds else 0.0
-    unit = context.train[0].recording.units[0]
-    return ModelErrorReport(sizes[0], sizes[1], unit, share, least, held=held, depends_on=depends)
 
 
 def _errors(

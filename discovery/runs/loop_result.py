@@ -31,14 +31,22 @@ from discovery.plots.loops import LoopViews
 from discovery.recordings.flags import impossible
 from discovery.recordings.recording import Recording
 from discovery.runs.description import flagged
+from discovery.selection.contender import Contender
+from discovery.selection.context import Context
 from discovery.selection.decision import Decision
-from discovery.selection.verdict import Named
+from discovery.selection.verdict import Named, least_error
+
+#: A state on which the residual depends explains so much of its variance.
+_DEPENDS = 0.1
 
 
 def noise_of(recordings: Sequence[Recording]) -> float:
-    """Return the noise in which a model error of recordings counts, rms over their readings [unit of the output]."""
-    squares = [float(r.noise.min()) ** 2 for r in recordings]
-    return float(np.sqrt(np.average(squares, weights=[r.time.size for r in recordings])))
+    """Return the noise in which a model error of recordings counts [unit of the output].
+
+    The quieter of them tell the more of it.
+    """
+    weights = [float(r.noise.min()) ** -2 for r in recordings]
+    return float(np.average(weights, weights=[r.time.size for r in recordings]) ** -0.5)
 
 
 @dataclass(frozen=True)
@@ -53,6 +61,30 @@ class ModelErrorReport:
     least: float  # size up to which it counts as none [unit of the output]
     held: float  # size for the final model on the held-out recordings [unit of the output]; zero without any
     depends_on: tuple[str, ...]  # states that explain a part of what the final model leaves, the strongest first
+
+    @classmethod
+    def of(
+        cls, context: Context, root: Contender, before: Contender, after: Contender, left: ResidualReport
+    ) -> ModelErrorReport:
+        """Return the model error of the final model, and of the declared one, in the unit of the output."""
+        least, e = least_error(after, root, context), after.evidence
+        # What is held out may be noisier, or less so.
+        judged = [own.recording for own, _ in context.judge.parts] if context.judge.holds else []
+        noise = noise_of([own.recording for own in context.train])
+
+        def size(error: float, chi2: float, readings: int) -> float:
+            # Errors that come and go faster than it would take a size beyond all that is left.
+            return min(error, max(float(np.sqrt(chi2 / max(readings, 1))), least))
+
+        first, last = (
+            size(float(np.hypot(c.evidence.error, c.evidence.beyond)), c.chi2, c.refit.problem.bench.n_data) * noise
+            for c in (before, after)
+        )
+        held = size(e.off, e.chi2_ahead, e.count_held) * noise_of(judged) if judged else 0.0
+        depends = tuple(d.variable for d in left.dependence if d.share > _DEPENDS and d.p_value < 1e-3)
+        share = last / first if first > 0 and np.isfinite(first) else 1.0
+        unit = context.train[0].recording.units[0]
+        return cls(first, last, unit, share, least * noise, held=held, depends_on=depends)
 
     @property
     def expected(self) -> tuple[float, float]:
