@@ -136,7 +136,7 @@ def decision_sentence(step: Record) -> str:
     if step["action"] == "exchange":
         old, new = effect_name(step["effects"][0]), listed([effect_name(e) for e in step["effects"][1:]])
         if code == "contained":
-            return f"{new} contains {old}"
+            return f"{new if len(step['effects']) == 2 else 'what was added'} contains {old}"
         if code != "accepted":
             return f"{old} contains {new}, and has too little beyond it: {_REASONS[code](numbers)}"
         return f"with {new} in the place of {old} the log evidence is {plain(numbers['odds'])} nats higher"
