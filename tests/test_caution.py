@@ -283,6 +283,9 @@ def test_a_loss_that_would_have_to_feed_energy_is_doubted_without_another_sign(t
     fitted = first_fit(data.train, natural_units(data.train))
     found = held_sign(fitted, fitted)
     assert found is not None
+    # Not where what was added has taken its place.
+    without = SimpleNamespace(values={n: v for n, v in fitted.values.items() if n != "loss"}, sd=fitted.sd)
+    assert held_sign(fitted, without) is None
     words = caution_sentence(found.summary())
     assert words.startswith("loss of the declared model ends at zero")
     assert "feeds energy" in words

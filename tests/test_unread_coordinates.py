@@ -13,6 +13,7 @@ from discovery.estimation.declared import declared_model, first_fit
 from discovery.estimation.fit import fit
 from discovery.estimation.holdout import held_out
 from discovery.estimation.natural_units import natural_units
+from discovery.estimation.predict import predict
 from discovery.export.fitted import FittedModel
 from discovery.export.source import to_numpy
 from discovery.mechanics import get_base
@@ -94,6 +95,16 @@ def test_a_recording_that_judges_has_a_start_of_its_own(beats: Dataset) -> None:
     ((predicted,),) = held_out([(found.model, found.values)], bench, found.problem.units)
     error = predicted - beats.holdout[0].recording.output
     assert np.sqrt(np.mean(error**2)) < 1.1 * NOISE
+
+
+def test_a_prediction_begins_where_springs_hold_what_is_not_read(beats: Dataset) -> None:
+    found = fit(declared_model(beats), beats.train)
+    output, sd = predict(found, beats.holdout[0], initial=(0.2, 0.0))
+    time = beats.holdout[0].recording.time
+    start = (0.2, 0.0, 0.2 * 1.0 / (14.0 + 1.0), 0.0)  # by the guesses of the rig file
+    there = solve_ivp(pendulums, (time[0], time[-1]), start, t_eval=time, rtol=1e-10, atol=1e-12).y[0]
+    assert np.abs(output[:, 0] - there).max() < 6 * sd.max() < 0.01
+    np.testing.assert_allclose(predict(found, beats.holdout[0])[0], 0.0, atol=1e-12)
 
 
 def test_what_is_taken_along_moves_as_the_fit(beats: Dataset, tmp_path: Path) -> None:

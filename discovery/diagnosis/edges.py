@@ -73,7 +73,7 @@ def held_sign(declared: Fit, final: Fit) -> Caution | None:
         guessed = parameter.physical and name not in problem.gaussian
         if not (stopped and guessed and abs(value) < abs(parameter.default)):
             continue
-        if abs(final.values[name]) > _BEYOND * final.sd.get(name, math.inf):
+        if name not in final.values or abs(final.values[name]) > _BEYOND * final.sd.get(name, math.inf):
             continue
         alone = slope - others @ np.linalg.lstsq(others, slope, rcond=None)[0]
         beyond = float(slope @ found.residual) * np.sign(value) / max(scatter * float(np.linalg.norm(alone)), 1e-300)

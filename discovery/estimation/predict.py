@@ -85,7 +85,9 @@ def predict(
     def read(part: float) -> FloatArray:
         moved = np.concatenate([np.zeros((len(names), 1)), part * spread, -part * spread], axis=1)
         points = np.clip(centre[:, None] + moved, low[: len(names), None], high[: len(names), None])
-        state = _start_of(fit, experiment, points, drive, initial)[: len(single.states)]
+        told = _start_of(fit, experiment, points, drive, initial)[: len(single.states)]
+        # Coordinates that are not read begin where springs hold them beside the one that is, at rest.
+        state = np.concatenate([told, np.zeros((len(single.states) - len(told), points.shape[1]))])
         if initial is not None:
             state = _as_read(single, points, state)
         parameters, starts = single.expand(np.concatenate([points, state]))
@@ -135,7 +137,7 @@ def _as_read(single: Problem, points: FloatArray, read: FloatArray) -> FloatArra
         found = reading(state)
         slope = (reading(state + little) - found) / little[0]
         state[0] += (read[0] - found) / slope
-    state[1:] = read[1:] / slope
+    state[1:2] = read[1:2] / slope
     return state
 
 
