@@ -380,7 +380,9 @@ def test_missing_and_binary_file(tmp_path):
         read_rig(tmp_path / "binary.toml")
 
 
-@pytest.mark.parametrize(("unit", "what"), [("km/h", "a speed"), ("g_0", "an acceleration"), ("mm", "")])
+@pytest.mark.parametrize(
+    ("unit", "what"), [("km/h", "a speed"), ("g_0", "an acceleration"), ("kN", "a force"), ("mm", "")]
+)
 def test_a_speed_that_is_taken_as_a_position_is_doubted(tmp_path, unit, what):
     (tmp_path / "rig.toml").write_text(
         'name = "c"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'

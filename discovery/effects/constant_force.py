@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Load
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.declarations.symbols import delta_dot
 
 
@@ -19,7 +19,7 @@ class ConstantForce(Load):
 
     systems = frozenset({OSCILLATOR})
     cite = "the offset of a drive: Janot, Gautier and Brunot, nonlinear system identification benchmarks (2019)"
-    f_0 = Parameter("s^-2 q", "constant force", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.003, -0.003), latex="f_0")
+    f_0 = Parameter("s^-2 q", "constant force", (-10.0, 10.0), Student(0.05), starts=(0.003, -0.003), latex="f_0")
 
     def expression(self):
         """Return P."""

@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Load
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Normal, Student
 from discovery.declarations.symbols import delta_dot
 
 
@@ -23,7 +23,7 @@ class RecordingForce(Load):
     cite = "the offset of a drive: Janot, Gautier and Brunot, nonlinear system identification benchmarks (2019)"
     reduces_to = frozenset({"constant_force"})
     f_1 = Parameter(
-        "s^-2 q", "constant force in the first recording", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.003, -0.003)
+        "s^-2 q", "constant force in the first recording", (-10.0, 10.0), Student(0.05), starts=(0.003, -0.003)
     )
     f_r = Parameter(
         "s^-2 q", "constant force in a recording, beside that in the first", prior=Normal(0.0, 0.05), fixed=True,

@@ -24,7 +24,11 @@ Bands = list[BandNoise | None]
 _ALTERNATES = 1.4  # ratio of noises from which readings err in opposite directions: that of white noise is 1.0 +- 0.1
 _IDLE = 0.02  # part of its largest value by which an input hardly pushes
 #: SI units of what is no position.
-_MOTIONS = dict.fromkeys(("m/s", "rad/s"), "a speed") | dict.fromkeys(("m/s^2", "rad/s^2"), "an acceleration")
+_OTHERS = {
+    **dict.fromkeys(("m/s", "rad/s"), "a speed"),
+    **dict.fromkeys(("m/s^2", "rad/s^2"), "an acceleration"),
+    **dict.fromkeys(("N", "N m"), "a force"),
+}
 
 
 def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[list[float], Bands, list[Flag]]:
@@ -46,7 +50,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
             continue
         name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
         flags += gap_flags(name, found.time, found.table.numbers(name))
-        if position and (what := _MOTIONS.get(si_symbol(unit))):
+        if position and (what := _OTHERS.get(si_symbol(unit))):
             flags.append(Flag("rate_as_position", name, unit, {"what": what}))
         if rig.view is None:  # a force of friction is flat by itself
             values, told = without_ends(name, unit, found.time, values, still)

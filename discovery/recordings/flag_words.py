@@ -251,8 +251,8 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "rate_as_position": (
         "doubt",
         "{column!r}, {what}, is taken as the position of a body: springs, losses and friction are then not what they "
-        "are called. Declare a system in its own equations (docs/YOUR_SYSTEM.md), or, where it is one, reads = "
-        '"acceleration".',
+        "are called. Declare a system in its own equations (docs/YOUR_SYSTEM.md); of a force beside a recorded motion "
+        'a [view]; of an acceleration reads = "acceleration".',
     ),
     "third_apart": (
         "note",
