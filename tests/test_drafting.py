@@ -59,6 +59,9 @@ def drafted(path: Path, **more: object) -> dict:
     [
         ("t [ms]", "time", "ms"),
         ("Angle (°)", "motion", "deg"),
+        ("displacement_in", "motion", "in"),
+        ("voltage_in", "cause", None),
+        ("force_kip", "cause", "kip"),
         ("motor_torque_Nm", "cause", "N m"),
         ("x / mm", "motion", "mm"),
         ("cart_x_m", "moved", "m"),
@@ -890,3 +893,19 @@ def test_a_title_with_empty_cells_is_passed_over(above: str, tmp_path: Path) -> 
     document = drafted(path)
     assert document["columns"]["time"]["name"] == "t"
     assert document["columns"]["output"]["name"] == "x"
+
+
+def test_a_force_that_answers_an_imposed_motion_gets_a_view(tmp_path):
+    place = np.sin(2.0 * np.pi * TIME)
+    force = np.tanh(20.0 * np.cos(2.0 * np.pi * TIME)) + RNG.normal(0.0, 3e-3, TIME.size)
+    path = written(tmp_path, "bench.csv", "time_s,displacement_mm,load cell_N", TIME, 10.0 * place, force)
+    # Named by nobody, the force drives; the draft says how it is turned round.
+    again = "discovery init bench.csv --output 'load cell_N' --input displacement_mm"
+    assert again in draft(path)
+    found = drafted(path, chosen={"output": "load cell_N", "input": "displacement_mm"})
+    assert (found["kind"], found["view"]["output"]) == ("drive", "force")
+    assert found["view"]["cutoff_hz"] == pytest.approx(20.0, rel=0.3)
+    assert found["view"]["motion_cutoff_hz"] == pytest.approx(2.0 * found["view"]["cutoff_hz"], rel=0.1)
+    # A slow readout bounds what is guessed.
+    slow = written(tmp_path, "slow.csv", "time_s,displacement_mm,force_N", TIME[::5], place[::5], force[::5])
+    assert drafted(slow, chosen={"output": "force_N", "input": "displacement_mm"})["view"]["motion_cutoff_hz"] == 8.0

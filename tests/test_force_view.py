@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from discovery.drafting.overview import overview, overview_lines
+from discovery.drafting.rig_text import draft
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.force_view import force_samples, noise_gain, zero_phase
@@ -69,6 +73,42 @@ def test_a_recording_is_seen_as_force(tmp_path):
     assert recording.noise[0] == pytest.approx(0.1 * noise_gain(RATE, CUTOFF), rel=0.05)
     np.testing.assert_allclose(recording.input, q, atol=2e-3)
     assert recording.units == ("N",)
+
+
+def test_a_motion_given_by_its_speed_is_integrated(tmp_path):
+    q, _ = record(tmp_path / "r.csv")
+    frame = pd.read_csv(tmp_path / "r.csv")
+    frame["q"] = 2.0 * np.cos(2.0 * T)
+    frame.to_csv(tmp_path / "speed.csv", index=False)
+    viewed = rig(view=ForceView(50.0, CUTOFF))
+    speed = replace(viewed, columns=replace(viewed.columns, input=InputColumn("q", "m/s", "spline")))
+    found = read_recording(tmp_path / "speed.csv", speed)
+    np.testing.assert_allclose(found.input[100:-100], q[100:-100], atol=2e-3)
+    assert (speed.input_unit, viewed.input_unit) == ("m", "m")
+    # Without the view, a speed is an input like any other.
+    assert replace(speed, view=None).input_unit == "m/s"
+
+
+def test_friction_is_told_from_a_speed_and_its_torque(tmp_path):
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 12.0, 0.004)
+    for name, size, w in (("a", 6.0, 2.5), ("b", 4.0, 5.0)):
+        speed = size * (np.sin(w * time) + 0.4 * np.sin(2.3 * w * time + size))
+        rate = size * w * (np.cos(w * time) + 0.92 * np.cos(2.3 * w * time + size))
+        torque = 0.02 * rate + 0.05 * speed + 0.3 * np.tanh(speed / 0.02) + rng.normal(0.0, 0.02, time.size)
+        frame = pd.DataFrame({"time_s": time, "qd_rad_s": speed, "torque_Nm": torque})
+        frame.to_csv(tmp_path / f"{name}.csv", index=False)
+    chosen = {"input": "qd_rad_s", "output": "torque_Nm"}
+    (tmp_path / "rig.toml").write_text(draft(tmp_path / "a.csv", holdout=tmp_path / "b.csv", chosen=chosen))
+    dataset = load_dataset(tmp_path / "rig.toml")
+    lines = list(overview_lines(dataset, overview(dataset)))
+    assert "  input: the place, integrated from the speed 'qd_rad_s'" in lines
+    result = close_loop(dataset)
+    assert result.verdict == "explained"
+    effect = result.summary()["effects"][0]
+    assert effect["id"] in ("coulomb_friction", "stribeck_friction")
+    assert effect["parameters"]["f_c"]["value"] == pytest.approx(0.3, rel=0.02)
+    assert effect["parameters"]["f_c"]["unit"] == "N m"
 
 
 def test_times_that_jitter_are_made_even(tmp_path):

@@ -10,6 +10,7 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
+from discovery.drafting.force_view import is_seen_as_force
 from discovery.drafting.law_of_motion import own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
@@ -63,6 +64,8 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
     found = recordings[0]
     unit, name = si_symbol(found.output.unit), found.path.name
     free = "no column is known to drive it" if found.unused else "nothing drives it"
+    if is_seen_as_force(found):
+        return Guess("drive", "a force is read, and the motion that takes it is given")
     if found.reads == "speed":
         return Guess("system", "a speed is read by a system in its own equations: docs/YOUR_SYSTEM.md")
     if found.reads == "height" and found.input is None and unit == "m":

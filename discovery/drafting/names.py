@@ -11,7 +11,8 @@ from discovery.foundation.errors import InputError
 #: What may stand behind an underscore or a blank without brackets: other letters there are part of the name.
 _BARE = {
     *("s", "ms", "us", "min", "m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "V", "mV", "A", "mA"),
-    *("N", "mN", "kN", "N m", "mN m", "kN m", "pixel", "g", "mg", "rev", "rpm", "deg/s", "km/h", "mile/h"),
+    *("N", "mN", "kN", "N m", "mN m", "kN m", "kip", "lbf", "inch", "pixel"),
+    *("g", "mg", "rev", "rpm", "deg/s", "km/h", "mile/h"),
 }
 #: What a speed is made of: `_rad_s` states rad/s, and `_m_s2` m/s^2.
 _MOVING = {"m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "rev", "degrees", "radians"}
@@ -25,6 +26,9 @@ _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support",
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
 _MOTIONS = {"angle", "theta", "phi", "alpha", "deflection", "displacement", "position", "pos", "output", "y", "x", "z"}
 _MOTIONS |= {"q", "disp", "travel", "distance", "encoder", "tip", "swing", "rotation", "winkel", "weg"}
+#: Behind these, `_in` states inches; behind others it says that a signal goes in.
+_INCHES = {"in", "inches"}
+_LENGTHS = {"displacement", "disp", "deflection", "travel", "stroke", "distance", "height", "elongation"}
 _ACCELERATIONS = {"acceleration", "acc", "accel", "accelerometer", "ax", "ay", "az", "accx", "accy", "accz"}
 #: What is weighed: grams are grams there. A motion in grams is none, but an acceleration in those of gravity.
 _WEIGHED = {"mass", "weight", "load", "m"}
@@ -116,6 +120,8 @@ def _split(name: str) -> tuple[str, str | None]:
         # A name that is nothing but a unit is a quantity of its own: m, s, and V are masses, places, and voltages.
         if unit is not None and (count < len(words) or unit == "rev" or si_symbol(unit) in _RATES):
             return " ".join(words[:-count]), unit
+    if words[-1] in _INCHES and _LENGTHS.intersection(words_of(name)):
+        return " ".join(words[:-1]), "in"
     found = _BRACKETS.match(name)
     if found:
         unit = _known(found["square"] or found["round"] or found["slash"] or "")

@@ -138,7 +138,10 @@ def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str
             yield f"  input: none, it moves freely{_swing(found)}"
         else:
             assert columns.input is not None  # where there is an input, its column is declared
-            yield _driven(found["input"], columns.input.unit) + _swing(found)
+            unit = dataset.rig.input_unit if dataset.rig.integrates else columns.input.unit
+            yield _driven(found["input"], unit) + _swing(found)
+            if dataset.rig.integrates:
+                yield f"  input: the place, integrated from the speed {columns.input.name!r}"
         for flag in found["flags"]:
             yield f"  flag: {flag}"
     if dataset.rig.traits.shaken and columns.input is not None and is_one_line(columns.input.unit, columns.output.unit):

@@ -12,6 +12,7 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
+from discovery.drafting.force_view import is_seen_as_force, other_way, view
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
 from discovery.drafting.law_of_motion import LOOKS, centre_of, is_one_line, is_relative
 from discovery.drafting.names import words_of
@@ -172,6 +173,7 @@ def _system(recordings: Sequence[Signals], guess: Guess, unused: str) -> Iterato
             again = f"discovery init {found.path.name} --kind KIND"
             yield f"# or {', '.join(others)}: `{again}` declares what fits the kind"
         yield "# Any other system has equations of its own: docs/YOUR_SYSTEM.md"
+    yield from other_way(found)
     if KINDS[guess.kind].hangs:
         yield "# from the axis to the middle of a small bob; stated, it is held against the motion:"
         yield "# length_m = { value = 0.80, sd = 0.005 }"
@@ -185,6 +187,8 @@ def _system(recordings: Sequence[Signals], guess: Guess, unused: str) -> Iterato
         yield f"# not used: {unused}"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
         yield from _base(found, found.input)
+    if is_seen_as_force(found):
+        yield from ("", *view(recordings))
     declared = [*KINDS[guess.kind].declared, *([] if zero is None else [_OFF])]
     if declared or not own:
         yield ""
@@ -215,7 +219,8 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
     else:
         yield f"{_column('time', found.time)}   # {_guessed(found.time)}{size}"
     if found.input is not None:
-        differentiated = KINDS[guess.kind].shaken or found.moved or found.reads == "acceleration"
+        motion = KINDS[guess.kind].shaken or found.moved or is_seen_as_force(found)
+        differentiated = motion or found.reads == "acceleration"
         between, why = ("", []) if differentiated else _between(found.input)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why

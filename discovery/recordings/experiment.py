@@ -10,7 +10,7 @@ import numpy as np
 
 from discovery.declarations.parameters import Parameter
 from discovery.declarations.system import System
-from discovery.declarations.units import in_coordinate, si_symbol
+from discovery.declarations.units import in_coordinate
 from discovery.foundation.arguments import check_whole
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.start_names import start_name
@@ -112,9 +112,7 @@ class Experiment:
     @property
     def deflection_unit(self) -> str:
         """SI unit of `deflection`: of the coordinate, or of the acceleration that is read."""
-        if self.rig.view is not None and self.rig.columns.input is not None:
-            return si_symbol(self.rig.columns.input.unit)
-        return self.reading_unit
+        return self.reading_unit if self.rig.view is None else self.input_unit
 
     @property
     def reading_unit(self) -> str:
@@ -124,8 +122,7 @@ class Experiment:
     @property
     def input_unit(self) -> str:
         """SI unit of the recorded input; empty without one."""
-        told = self.rig.columns.input
-        return "" if told is None else si_symbol(told.unit)
+        return self.rig.input_unit
 
     def unit_of(self, parameter: Parameter) -> str:
         """Return the SI unit of the values of a parameter."""

@@ -2,20 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import gaps, mean_rate, median_step
-from discovery.rigs.rig import ForceView
+from discovery.recordings.file_signals import Signals
+from discovery.recordings.flags import Flag
+from discovery.rigs.rig import ForceView, Rig
 
 _ORDER = 4
 _EVEN = 0.01  # of a step, by which others may differ
 _SHORT = 0.5  # of a step: through times that are nearer than that a spline swings
 _SAMPLES_A_PERIOD = 2.0  # of the cutoff: noise that passed it is then white, and with more, neighbours tell the same
 _SETTLING = 3.0  # periods of the cutoff at either end that the ends themselves disturb
+
+
+def viewed(rig: Rig, found: Signals, noise: Sequence[float], flags: list[Flag]) -> list[float]:
+    """Turn motion and force into what the view shows, the force with gaps; return the noise that is left."""
+    view = rig.view
+    assert view is not None
+    assert found.inputs is not None
+    if not is_even(found.time) and can_be_evened(found.time) and not any(map(_has_gaps, found.outputs.values())):
+        found.time, signals = evened(found.time, {"input": found.inputs, **found.outputs})
+        found.inputs, found.outputs = signals.pop("input"), signals
+        flags[:] = [flag for flag in flags if flag.code != "times_irregular"]
+        flags.append(Flag("evened", numbers={"step": median_step(found.time)}))
+    rate = sampling_rate(found.time, found.source)
+    moved = travelled(found.time, found.inputs) if rig.integrates else found.inputs
+    found.inputs = zero_phase(moved, rate, view.motion_cutoff)
+    if not found.outputs:
+        return list(noise)
+    force = found.outputs["output"]
+    if _has_gaps(force):
+        raise InputError(
+            f"{found.source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps "
+            "with samples = [start, stop]."
+        )
+    used = force_samples(view, found.time, rate)
+    found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
+    return [noise_gain(rate, view.cutoff) * value for value in noise]
+
+
+def _has_gaps(values: FloatArray) -> bool:
+    return bool(np.isnan(values).any())
 
 
 def is_even(time: FloatArray) -> bool:
@@ -35,6 +67,13 @@ def evened(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[FloatAr
 
     even = np.linspace(time[0], time[-1], time.size)
     return even, {name: np.asarray(CubicSpline(time, values)(even)) for name, values in signals.items()}
+
+
+def travelled(time: FloatArray, speed: FloatArray) -> FloatArray:
+    """Return the place (n,), from zero at the first of the times, by the integral of a spline through its speed."""
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(time, speed).antiderivative()(time))
 
 
 def sampling_rate(time: FloatArray, source: str) -> float:

@@ -12,21 +12,11 @@ import numpy as np
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arguments import expect
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
-from discovery.foundation.errors import InputError
-from discovery.foundation.sampling import median_step
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.cleaning import cleaned, timed
 from discovery.recordings.file_signals import ARM_STEMS, Signals
 from discovery.recordings.flags import REPEATED, Flag
-from discovery.recordings.force_view import (
-    can_be_evened,
-    evened,
-    force_samples,
-    is_even,
-    noise_gain,
-    sampling_rate,
-    zero_phase,
-)
+from discovery.recordings.force_view import viewed
 from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise
@@ -35,7 +25,7 @@ from discovery.recordings.rounding import are_marks, quantum
 from discovery.recordings.time_stamps import on_its_clock, scatter
 from discovery.recordings.turns import join_turns
 from discovery.recordings.unit_mistakes import check_units
-from discovery.rigs.rig import ForceView, Rig
+from discovery.rigs.rig import Rig
 
 
 @dataclass(frozen=True, repr=False)
@@ -204,7 +194,7 @@ def read_recording(
     check_signals(found, rig.traits.fewest)
     jitter, late = timed(rig, found, noise, stated, bands, repeats)
     if rig.view is not None and found.inputs is not None:
-        noise = _viewed(rig.view, found, noise, flags)
+        noise = viewed(rig, found, noise, flags)
     missing = np.full(found.time.size, np.nan)
     return Recording(
         name=name or found.table.path.stem,
@@ -245,33 +235,6 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     odd += [] if rig.view else on_sensors_clock(found)
     marks = any(are_marks(found.time, values) for values in found.outputs.values())
     return [*flags, *time_flags(found.time, rig.columns.time, marks=marks), *odd]
-
-
-def _viewed(view: ForceView, found: Signals, noise: Sequence[float], flags: list[Flag]) -> list[float]:
-    """Turn motion and force into what the view shows, the force with gaps; return the noise that is left."""
-    assert found.inputs is not None
-    if not is_even(found.time) and can_be_evened(found.time) and not any(map(_has_gaps, found.outputs.values())):
-        found.time, signals = evened(found.time, {"input": found.inputs, **found.outputs})
-        found.inputs, found.outputs = signals.pop("input"), signals
-        flags[:] = [flag for flag in flags if flag.code != "times_irregular"]
-        flags.append(Flag("evened", numbers={"step": median_step(found.time)}))
-    rate = sampling_rate(found.time, found.source)
-    found.inputs = zero_phase(found.inputs, rate, view.motion_cutoff)
-    if not found.outputs:
-        return list(noise)
-    force = found.outputs["output"]
-    if _has_gaps(force):
-        raise InputError(
-            f"{found.source}: the force has gaps, so it cannot be low-passed as [view] asks. Take a part without gaps "
-            "with samples = [start, stop]."
-        )
-    used = force_samples(view, found.time, rate)
-    found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
-    return [noise_gain(rate, view.cutoff) * value for value in noise]
-
-
-def _has_gaps(values: FloatArray) -> bool:
-    return bool(np.isnan(values).any())
 
 
 def _own_period(rig: Rig) -> float | None:

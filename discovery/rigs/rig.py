@@ -220,6 +220,18 @@ class Rig:
         return replace(self, columns=replace(self.columns, time=replace(self.columns.time, zero=zero)))
 
     @property
+    def integrates(self) -> bool:
+        """Whether the motion under a force is given by its speed, of which the integral is the place."""
+        given = self.columns.input
+        return self.view is not None and given is not None and si_symbol(given.unit) in ("m/s", "rad/s")
+
+    @property
+    def input_unit(self) -> str:
+        """SI unit of the input as models take it: of the place where a speed is integrated; empty without one."""
+        given = "" if self.columns.input is None else si_symbol(self.columns.input.unit)
+        return given.removesuffix("/s") if self.integrates else given
+
+    @property
     def traits(self) -> Kind:
         """What its kind of system has and does."""
         return KINDS[self.kind]

@@ -154,7 +154,8 @@ class ControllerTable(Table):
 class ViewTable(Table):
     """A ``drive`` or an ``oscillator`` seen as the force that its motion takes: inverse dynamics.
 
-    The input is then the motion, and the output the force. Uneven steps are made even; gaps are refused. Left out, the
+    The input is then the motion, and the output the force. A motion in ``m/s`` or ``rad/s``, or what converts to them,
+    is a speed: it is integrated to the place, from zero. Uneven steps are made even; gaps are refused. Left out, the
     force is given and the motion is compared. A file has either this table or ``[controller]``.
     """
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from discovery.declarations.units import si_symbol
 from discovery.foundation.arrays import FloatArray
 from discovery.recordings.dataset import Dataset
 from discovery.recordings.experiment import Experiment, largest_deflection
@@ -25,7 +24,7 @@ def describe(dataset: Dataset) -> dict[str, Any]:
             "kind": rig.kind,
             "base": rig.base,
             "coordinate_unit": dataset.train[0].coordinate_unit,
-            "input_unit": None if rig.columns.input is None else si_symbol(rig.columns.input.unit),
+            "input_unit": rig.input_unit or None,
             "quantities": _quantities(rig),
             "declared": list(rig.declared),
             "view": None if rig.view is None else asdict(rig.view),
