@@ -35,6 +35,8 @@ def candidates(
     """
     placed_at = model.mechanics.places()
     acting = _at_places(model) if placed_at else _on_the_coordinate(model, unit, declared)
+    # Beside a law that contains it, a law has nothing of its own.
+    contained = {law for e in model.effects for law in get_effect(e).reduces_to}
 
     def is_shown(name: str) -> bool:
         effect = get_effect(name)
@@ -42,7 +44,7 @@ def candidates(
         held = (effect.anchored or effect.kind == "potential") and not effect.angular
         read = not effect.pictured or not (spins or "/s" in unit or is_force(unit))
         told = (turns or not effect.remembers) and (several or not (effect.own() and effect.reduces_to))
-        return read and told and not (spins and turning and held)
+        return read and told and name not in contained and not (spins and turning and held)
 
     return tuple(filter(is_shown, acting))
 

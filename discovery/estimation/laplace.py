@@ -28,6 +28,8 @@ _LOG_2PI = float(np.log(2 * np.pi))
 _NOISE_SCALE, _ROUNDS = 0.1, 3
 #: A direction of which the readings tell less than this share of the best told one is left where it is.
 _BLIND = 1e-13
+#: What rounding leaves of a pivot of one, where two parameters do the same.
+_ROUNDED = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ def _forms(gram, pull, mean, step, triangles, size):
         left += 2.0 * step[i] * gram[i, p] + step[i] * ahead
         pulled += (step[i] - mean[i]) * moved
         stayed += mean[i] * rested
-        determinant += math.log(abs(triangles[i, i]))
+        determinant += math.log(max(abs(triangles[i, i]), _ROUNDED))
         sizes += math.log(size[i])
     return left, pulled, stayed, determinant - 2.0 * sizes
 

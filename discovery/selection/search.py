@@ -105,6 +105,7 @@ class Search:
                 self._backward(before)
                 if any(d.action == "exchange" for d in self.decisions[told:]):
                     self._unless_likelier(grown, told)
+                self._unless_likelier(before, told - 1)  # nor may what is needless beside it be worth more than it
             elif self.best is before and not self._change_mechanics():
                 break
         else:
@@ -292,9 +293,8 @@ class Search:
         """Let another effect, accepted by itself, take the place of a member where the evidence gains as much."""
         offered = plain(self.offers.beside(smaller)) if self.neighbours.affords(smaller) else []
         found = next((c for c in offered[:_TRIED] if self._judged(c, smaller)[1] == "accepted"), self.best)
-        gain, settings = found.joint - self.best.joint, self.context.settings
+        gain, new, settings = found.joint - self.best.joint, found.added[-1:], self.context.settings
         if frozenset(found.added) != frozenset(self.best.added) and gain > settings.nats:
             told = tuple(candidacy(c, smaller, self.root, settings) for c in offered[:_TOLD])
-            new = found.added[-1]
-            self.decisions.append(Decision("exchange", (effect, new), True, "accepted", {"odds": gain}, told))
+            self.decisions.append(Decision("exchange", (effect, *new), True, "accepted", {"odds": gain}, told))
             self.best = found
