@@ -57,14 +57,16 @@ def test_it_is_sought_at_an_angle_that_nothing_ties() -> None:
 def test_it_imitates_springs_within_few_of_its_periods() -> None:
     effect, at_place = get_effect("cogging"), get_effect("cogging_at_shaft")
     for reach, alike in ((1.0, False), (0.5, True)):
-        assert effect.imitates({"N_c": 12.0}, 0.1, 10.0, 0.01, reach) is alike
-        assert at_place.imitates({"N_c_shaft": 12.0}, 0.1, 10.0, 0.01, reach) is alike
+        assert effect.imitates({"N_c": 12.0}, 0.1, 10.0, 0.01, reach, 1.0) is alike
+        assert at_place.imitates({"N_c_shaft": 12.0}, 0.1, 10.0, 0.01, reach, 1.0) is alike
 
 
 def test_it_is_nothing_that_goes_by_in_less_than_two_readings() -> None:
     effect = get_effect("cogging")
     # 30 rad in 10 s, read every 0.1 s: 0.3 rad from one reading to the next.
-    assert [effect.imitates({"N_c": n}, 1.0, 10.0, 0.1, 15.0) for n in (10.0, 11.0)] == [False, np.inf]
+    assert [effect.imitates({"N_c": n}, 1.0, 10.0, 0.1, 15.0, 1.0) for n in (10.0, 11.0)] == [False, np.inf]
+    # To and fro, it goes by as often as that.
+    assert [effect.imitates({"N_c": n}, 1.0, 10.0, 0.1, 15.0, 5.0) for n in (2.0, 2.2)] == [False, np.inf]
 
 
 @pytest.mark.slow

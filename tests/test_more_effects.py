@@ -284,7 +284,7 @@ def test_the_radius_of_the_exact_arm_has_these_terms_already() -> None:
 
 def test_a_force_that_hardly_repeats_imitates_others_and_one_that_never_does_could_be_anything() -> None:
     effect = get_effect("periodic_disturbance")
-    found = [effect.imitates({"Omega": 2.0}, 0.1, cycles * np.pi, 0.01, 1.0) for cycles in (0.9, 1.1, 2.9, 3.1)]
+    found = [effect.imitates({"Omega": 2.0}, 0.1, cycles * np.pi, 0.01, 1.0, 1.0) for cycles in (0.9, 1.1, 2.9, 3.1)]
     assert found == [np.inf, 1.0, 1.0, 0.0]
 
 

@@ -74,7 +74,7 @@ class Effect(ABC):
     [('f_c', 's^-2 q'), ('v_c', 's^-1 q')]
     >>> [p.name for p in friction.fitted("oscillator")]
     ['f_c']
-    >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0, step=0.01, reach=1.0)
+    >>> friction.imitates({"f_c": 0.1, "v_c": 1e-3}, time=0.1, duration=10.0, step=0.01, reach=1.0, passes=1.0)
     False
     >>> import numpy as np
     >>> force = get_effect("periodic_disturbance")
@@ -129,10 +129,10 @@ class Effect(ABC):
         return tuple(p for p in cls.parameters() if not p.fixed and (System.of(system).has_rod or not p.planar))
 
     @classmethod
-    def imitates(cls, values: Mapping[str, float], time: float, duration: float, step: float, reach: float) -> float:
+    def imitates(cls, values: Mapping, time: float, duration: float, step: float, reach: float, passes: float) -> float:
         """Return whether, at these values, a law does what others do: 0 or 1; infinite where it could be anything.
 
-        Given are natural time, longest duration, step between readings [s], and natural coordinate at the effect [q].
+        Given are natural time, longest duration, step between readings [s], half of the way [q], and its `passes`.
         """
         return cls.pliable
 

@@ -40,10 +40,10 @@ class Cogging(Potential):
     )  # fmt: skip
 
     @classmethod
-    def imitates(cls, values, time, duration, step, reach):
+    def imitates(cls, values, time, duration, step, reach, passes):
         """Return whether the rotor travels through few periods, to both sides of zero, or half of one per reading."""
-        travelled = values["N_c"] * 2 * reach
-        return np.inf if travelled * step > np.pi * duration else travelled < 2 * np.pi * _PERIODS
+        way = values["N_c"] * 2 * reach
+        return np.inf if way * passes * step > np.pi * duration else way < 2 * np.pi * _PERIODS
 
     def expression(self):
         """Return V."""

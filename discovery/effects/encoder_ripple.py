@@ -33,7 +33,7 @@ class EncoderRipple(Drive):
     )  # fmt: skip
 
     @classmethod
-    def imitates(cls, values, time, duration, step, reach):
+    def imitates(cls, values, time, duration, step, reach, passes):
         """Return whether there are too many cycles to be followed: the rest does what an offset does."""
         return values["N_e"] > _FOLLOWED
 

@@ -33,7 +33,7 @@ class FrictionThroughPlay(Memory):
     )  # fmt: skip
 
     @classmethod
-    def imitates(cls, values, time, duration, step, reach):
+    def imitates(cls, values, time, duration, step, reach, passes):
         """Return whether the play is wider than the way: a friction that changes along it."""
         return values["w_d"] > reach
 

@@ -86,7 +86,7 @@ class PeriodicDisturbance(Load):
         return _pairs((each * np.exp(-1j * phases)[:, None]).mean(axis=0)), phases
 
     @classmethod
-    def imitates(cls, values, time, duration, step, reach):
+    def imitates(cls, values, time, duration, step, reach, passes):
         """Return whether the force is near the system's own frequency, or has hardly time to repeat, or none."""
         near, cycles = abs(values["Omega"] * time - 1) < _NEAR, values["Omega"] * duration / (2 * np.pi)
         return np.inf if cycles < 1 else near or cycles < _CYCLES

@@ -31,7 +31,7 @@ class PreslidingFriction(Memory):
     )  # fmt: skip
 
     @classmethod
-    def imitates(cls, values, time, duration, step, reach):
+    def imitates(cls, values, time, duration, step, reach, passes):
         """Return whether the contact gives way by more than half of the way: a spring that forgets."""
         return values["s_p"] > reach
 

@@ -34,6 +34,7 @@ class NaturalUnits:
     #: Size of what is read; that of the coordinate where there is None.
     reading: float | None = None
     swept: float = 1.0  #: Part of the way from one side of zero to the other that is travelled.
+    passes: float = 1.0  #: How often it is travelled in a recording.
 
     def pushed(self, gain: float) -> NaturalUnits:
         """Return the units where the recorded force, by an input gain, may be larger than what the motion asks for.
@@ -107,6 +108,7 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
         reading=1.0 if arm else drive if experiments[0].rig.view is not None else deflection,
         swept=1.0 if arm or "/s" in experiments[0].coordinate_unit else _swept(experiments, deflection),
     )
+    units = replace(units, passes=max(_passes(*_finite(e), time) for e in experiments))
     gravity = experiments[0].rig.gravity
     if gravity is None or not experiments[0].rig.traits.falls:
         return units
@@ -117,6 +119,13 @@ def _swept(experiments: Sequence[Experiment], deflection: float) -> float:
     """Return the part of the way from one side of zero to the other that is travelled: half of it to one side."""
     ends = [np.nanquantile(e.deflection[e.fitted], (0.001, 0.999)) for e in experiments]
     return float(np.clip(max(high - low for low, high in ends) / max(2 * deflection, 1e-300), 0.0, 1.0))
+
+
+def _passes(time: FloatArray, deflection: FloatArray, natural: float) -> float:
+    """Return how often a way is travelled from one end to the other, by places a natural time apart."""
+    seen = np.interp(np.arange(time[0], time[-1], natural), time, deflection)
+    span = float(np.ptp(seen))
+    return max(1.0, float(np.abs(np.diff(seen)).sum()) / span) if span > 0.0 else 1.0
 
 
 def _falling(units: NaturalUnits, experiments: Sequence[Experiment], gravity: float) -> NaturalUnits:

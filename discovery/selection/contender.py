@@ -82,8 +82,8 @@ class Contender:
 
     def imitation(self, effect: str) -> float:
         """Return whether one of its effects does what others do at its values, see `Effect.imitates`."""
-        problem, law = self.refit.problem, get_effect(effect)
-        return law.imitates(self.refit.values, problem.units.time, *problem.bench.seen, problem.units.reach(law.place))
+        law, units, (duration, step) = get_effect(effect), self.refit.problem.units, self.refit.problem.bench.seen
+        return law.imitates(self.refit.values, units.time, duration, step, units.reach(law.place), units.passes)
 
     def strays(self, found: Contender) -> bool:
         """Return whether an effect that it shares with a set imitates others here, and not there."""
