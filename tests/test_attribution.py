@@ -16,10 +16,12 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
+from discovery.mechanics.systems import system_base
 from discovery.recordings.drive import Drive
 from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
+from discovery.rigs.rig_system import ready_made
 from discovery.screening.attribution import Candidate, grid_of, screen
 from discovery.screening.likeness import similarity
 from discovery.screening.refits import Refit, refit
@@ -89,6 +91,14 @@ def test_candidates_are_what_acts_here_and_is_not_there_yet() -> None:
     # The exact rod has its own law of the spring, its own radius and its own mass.
     assert not {"cubic_stiffness", "radius_law", "distributed_mass"} & set(arm)
     assert "table_tilt" not in candidates(Model("oscillator", DECLARED))
+
+
+def test_what_another_law_contains_is_not_offered_beside_it() -> None:
+    several = candidates(Model("servo", ("viscous_damping", "recording_force", "stribeck_friction")))
+    assert not {"constant_force", "coulomb_friction"} & set(several)
+    assert "recording_force" in candidates(Model("servo", ("viscous_damping", "constant_force")))
+    placed = Model(system_base(ready_made()["dc_motor"]).name, ("recording_force_at_shaft",))
+    assert "constant_force_at_shaft" not in candidates(placed)
 
 
 # The linear score.

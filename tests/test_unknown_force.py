@@ -12,6 +12,7 @@ from discovery.equations.model import Model
 from discovery.estimation.holdout import HoldOut
 from discovery.foundation.errors import InputError
 from discovery.screening.refits import Refit
+from discovery.selection import unknown
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.settings import LoopSettings
@@ -51,6 +52,22 @@ def test_a_law_that_is_right_is_cheaper(shared: Context) -> None:
 def test_a_wrong_law_is_told(shared: Context) -> None:
     found = unknown_force(shared, weighed(shared, "quadratic_drag"))
     assert found.instead["quadratic_drag"] > 3 > found.kept["quadratic_drag"]
+
+
+def test_what_moves_nothing_finite_without_a_law_is_not_weighed(
+    shared: Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weigh = unknown._integrated
+
+    def blown_up(context: Context, refits: list[Refit]) -> tuple[float, float]:
+        with_law = LAW in refits[0].problem.model.effects
+        return weigh(context, refits) if with_law else (-np.inf, -np.inf)
+
+    monkeypatch.setattr(unknown, "_integrated", blown_up)
+    found = unknown_force(shared, weighed(shared, LAW))
+    assert np.isfinite(found.train)
+    assert not found.kept
+    assert not found.instead
 
 
 def test_it_is_in_no_catalogue() -> None:

@@ -91,21 +91,19 @@ class Search:
 
     def _grow(self) -> None:
         """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
-        been: dict[tuple[frozenset[str], str], Contender] = {}
         while len(self.best.added) < self.context.settings.budget.most_effects and self.neighbours.affords(self.best):
             if self._is_complete():
                 return
-            if (before := self.best).key in been:
-                # Sets that give way to each other in turn: the likeliest of them stands.
-                self.best = max((c for c in been.values() if len(c.added) == len(before.added)), key=lambda c: c.joint)
-                break
-            been[before.key] = before
+            before = self.best
             if self._forward():
                 grown, told = self.best, len(self.decisions)
                 self._backward(before)
                 if any(d.action == "exchange" for d in self.decisions[told:]):
                     self._unless_likelier(grown, told)
-                self._unless_likelier(before, told - 1)  # nor may what is needless beside it be worth more than it
+                # What it makes needless may be worth more than it: then sets would give way to each other in turn.
+                self._unless_likelier(before, told - 1)
+                if self.best is before:
+                    break
             elif self.best is before and not self._change_mechanics():
                 break
         else:

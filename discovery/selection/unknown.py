@@ -31,8 +31,8 @@ class Unknown:
 
     train: float  # what it gains beside the set in training
     held: float  # and on what is held out
-    kept: dict[str, float]  # log odds of each added effect beside the force
-    instead: dict[str, float]  # log odds of the force in the place of each, against the set as it is
+    kept: dict[str, float]  # log odds of each added effect beside the force, if that alone does not blow up
+    instead: dict[str, float]  # log odds of the force in the place of each of these, against the set as it is
 
 
 def unknown_force(context: Context, found: Contender) -> Unknown:
@@ -43,11 +43,11 @@ def unknown_force(context: Context, found: Contender) -> Unknown:
     starts = [p.start(found.refit.values) for p in every]
     minima = iter(fit_problems(every, starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True))
     (train, joint), *others = [_integrated(context, [Refit("", p, next(minima)) for p in own]) for own in problems]
-    own, without = found.evidence, {e: other for e, (_, other) in zip(found.added, others, strict=True)}
+    without = {e: other for e, (_, other) in zip(found.added, others, strict=True) if np.isfinite(other)}
     kept = {e: joint - other for e, other in without.items()}
-    instead = {e: other - own.joint for e, other in without.items()}
+    instead = {e: other - found.joint for e, other in without.items()}
     # What a constant predicts as well gains nothing, and no round-off.
-    return Unknown(train - own.train, round(joint - train - own.held, 9), kept, instead)
+    return Unknown(train - found.evidence.train, round(joint - train - found.evidence.held, 9), kept, instead)
 
 
 def _with_force(problem: Problem, model: Model) -> list[Problem]:

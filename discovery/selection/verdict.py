@@ -99,7 +99,7 @@ def named(search: Search) -> list[Named]:
         names = tuple(next(e for e in c.added if e not in smaller.added) for c in group)
         shared = 1.0 + sum(weights[c] for c in group)
         force, doubtful = {}, False
-        if search.unknown is not None:
+        if search.unknown is not None and effect in search.unknown.kept:
             kept, instead = search.unknown.kept[effect], search.unknown.instead[effect]
             force = {"beside_force": kept, "force_instead": instead}
             doubtful = bool(instead > settings.nats > kept)
