@@ -337,6 +337,16 @@ def test_what_makes_needless_what_is_worth_more_is_not_added(monkeypatch: pytest
     assert search.decisions[-1].code == "exhausted"
 
 
+def test_what_is_taken_out_gives_its_place_to_what_serves() -> None:
+    search = offered(f_c=0.02)
+    beside = search.offers.beside(search.root)
+    search.best = next(c for c in beside[::-1] if search._judged(c, search.root, stays=True)[1] != "accepted")
+    (weak,) = search.best.added
+    search._prune()
+    assert search.best.added == ("coulomb_friction",)
+    assert [(d.action, d.effects) for d in search.decisions] == [("remove", (weak,)), ("add", search.best.added)]
+
+
 @pytest.mark.parametrize("lost", [False, True])
 def test_an_exchange_stays_where_the_set_it_leads_to_is_as_likely(
     monkeypatch: pytest.MonkeyPatch, *, lost: bool

@@ -156,7 +156,8 @@ class Search:
             self.decisions.append(Decision("integrate", self.best.added, found.reliable, code, found.numbers))
 
     def _prune(self) -> None:
-        """Take out, the least missed first, what is no larger than what the model error would do in its direction."""
+        """Take out, the least missed first, what is no larger than a model error would be; another effect may serve."""
+        gone = frozenset[str]()
         while self.best.added:
             smaller = {e: self.neighbours.without(self.best, e) for e in self.best.added}
             judged = {e: self._judged(self.best, c, stays=True) for e, c in smaller.items()}
@@ -164,7 +165,8 @@ class Search:
             if not (effect := max(weak, key=lambda e: smaller[e].joint, default="")):
                 return
             self.decisions.append(Decision("remove", (effect,), True, judged[effect][1], judged[effect][0].numbers))
-            self.best = smaller[effect]
+            found, self.best, gone = self.best, smaller[effect], gone | {effect}
+            self._take([c for c in plain(self.neighbours.instead_of(found, effect)) if not gone & {*c.added}])
 
     def _ask_the_unknown(self) -> None:
         """Weigh an unknown force beside the set found, where more than noise is left."""
