@@ -490,6 +490,11 @@ def test_what_falls_is_driven_by_nothing_else(tmp_path: Path) -> None:
     assert drafted(path)["kind"] == "falling_body"
 
 
+def test_what_turns_back_beyond_half_a_turn_hangs_on_a_spring(tmp_path: Path) -> None:
+    found = drafted(written(tmp_path, "wheel.csv", "time_s,angle_rad", TIME, 4.5 * SWING))
+    assert (found["kind"], found["model"]["effects"]) == ("oscillator", ["viscous_damping", "linear_stiffness"])
+
+
 def test_an_angle_that_swings_freely_is_a_pendulum_and_its_unit_is_seen(tmp_path: Path) -> None:
     document = drafted(written(tmp_path, "a.csv", "time;angle", TIME, 50.0 * SWING, separator=";"))
     assert document["kind"] == "pendulum"

@@ -11,7 +11,7 @@ import numpy as np
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
 from discovery.drafting.force_view import is_seen_as_force
-from discovery.drafting.law_of_motion import own_period, rates_of
+from discovery.drafting.law_of_motion import centre_of, own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
@@ -80,6 +80,8 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         where = "" if len(recordings) == 1 else f"in {one.path.name} "
         return Guess("system", f"{where}{goes}, and no input: in its own equations, docs/YOUR_SYSTEM.md")
     if found.input is None:
+        if unit == "rad" and _turns_back_beyond_half_a_turn(found):
+            return Guess("oscillator", "it turns back beyond half a turn to both sides, as on a torsion spring")
         if unit == "rad":
             again = f"discovery init {name} --kind oscillator"
             return Guess("pendulum", f"an angle, and {free}; on a torsion spring: `{again}`")
@@ -93,6 +95,12 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         return Guess("drive", f"an input moves it, and {looked} {shows} about a place of rest")
     back = f"in {swing.path.name} it swings about its rest, once in about {swing.period:.3g} s"
     return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)
+
+
+def _turns_back_beyond_half_a_turn(found: Signals) -> bool:
+    """Whether an angle swings farther to both sides of its rest than a pendulum, which turns over there."""
+    centre = centre_of(found.seconds, found.output.si).at
+    return bool(min(np.nanmax(found.output.si) - centre, centre - np.nanmin(found.output.si)) > np.pi)
 
 
 def _goes_on(found: Signals) -> bool:
