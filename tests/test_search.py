@@ -317,7 +317,7 @@ def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> N
     assert size(1e6) > 100 * size(0.0)
 
 
-def test_what_makes_needless_what_is_worth_more_is_not_added(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sets_that_give_way_to_each_other_in_turn_end_with_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
     search = offered(beta=1.0, f_c=0.02)
     sets = search.offers.beside(search.root)
     likely, unlikely = sets[0], sets[-1]
@@ -332,9 +332,35 @@ def test_what_makes_needless_what_is_worth_more_is_not_added(monkeypatch: pytest
     monkeypatch.setattr(search, "_backward", lambda before: None)
     monkeypatch.setattr(search, "_is_complete", lambda: False)
     search._grow()
-    assert turns == [search.root, likely]
+    assert len(turns) == 3
     assert search.best is likely
     assert search.decisions[-1].code == "exhausted"
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_law_that_contains_a_member_takes_its_place_where_it_is_as_likely(
+    monkeypatch: pytest.MonkeyPatch, *, lost: bool
+) -> None:
+    search = offered(beta=1.0, f_c=0.02)
+    sets = {c.added: c for c in search.offers.beside(search.root)}
+    search.best = before = sets[("coulomb_friction",)]
+    grown = next(c for c in search.offers.beside(before) if c.added[-1] == "stribeck_friction")
+    others = sorted(sets.values(), key=lambda c: c.joint)
+    ends = next(c for c in others if c.added[-1] != "stribeck_friction") if lost else grown
+    turns = iter([grown])
+
+    def forward() -> bool:
+        search.best = next(turns, search.best)
+        search.decisions.append(Decision("add", ("stribeck_friction",), True, "accepted"))
+        return search.best is grown
+
+    monkeypatch.setattr(search, "_forward", forward)
+    monkeypatch.setattr(search, "_backward", lambda before: setattr(search, "best", ends))
+    monkeypatch.setattr(search, "_change_mechanics", lambda: False)
+    monkeypatch.setattr(search, "_is_complete", lambda: False)
+    search._grow()
+    assert ends.joint < before.joint or not lost
+    assert search.best is (before if lost or grown.joint < before.joint else grown)
 
 
 def test_what_is_taken_out_gives_its_place_to_what_serves() -> None:

@@ -90,20 +90,22 @@ class Search:
         return not doubled  # which was settled with it
 
     def _grow(self) -> None:
-        """Add effects until nothing more is accepted, what is left is noise, or the budget is spent."""
+        """Add effects until none is accepted, afforded or needed; of sets that give way in turn the likeliest stays."""
+        been: dict[tuple[frozenset[str], str], Contender] = {}
         while len(self.best.added) < self.context.settings.budget.most_effects and self.neighbours.affords(self.best):
             if self._is_complete():
                 return
-            before = self.best
+            if (before := self.best).key in been:
+                self.best = max((c for c in been.values() if len(c.added) == len(before.added)), key=lambda c: c.joint)
+                break
+            been[before.key] = before
             if self._forward():
                 grown, told = self.best, len(self.decisions)
                 self._backward(before)
                 if any(d.action == "exchange" for d in self.decisions[told:]):
                     self._unless_likelier(grown, told)
-                # What it makes needless may be worth more than it: then sets would give way to each other in turn.
-                self._unless_likelier(before, told - 1)
-                if self.best is before:
-                    break
+                if get_effect(grown.added[-1]).reduces_to.intersection(before.added):  # whose place it takes
+                    self._unless_likelier(before, told - 1)
             elif self.best is before and not self._change_mechanics():
                 break
         else:
@@ -157,16 +159,15 @@ class Search:
 
     def _prune(self) -> None:
         """Take out, the least missed first, what is no larger than a model error would be; another effect may serve."""
-        gone = frozenset[str]()
-        while self.best.added:
+        for _ in self.best.added:
             smaller = {e: self.neighbours.without(self.best, e) for e in self.best.added}
             judged = {e: self._judged(self.best, c, stays=True) for e, c in smaller.items()}
             weak = [e for e, (_, code) in judged.items() if code != "accepted"]
             if not (effect := max(weak, key=lambda e: smaller[e].joint, default="")):
                 return
             self.decisions.append(Decision("remove", (effect,), True, judged[effect][1], judged[effect][0].numbers))
-            found, self.best, gone = self.best, smaller[effect], gone | {effect}
-            self._take([c for c in plain(self.neighbours.instead_of(found, effect)) if not gone & {*c.added}])
+            found, self.best = self.best, smaller[effect]
+            self._take(plain(self.neighbours.instead_of(found, effect)))
 
     def _ask_the_unknown(self) -> None:
         """Weigh an unknown force beside the set found, where more than noise is left."""
@@ -225,8 +226,7 @@ class Search:
         # What the mechanics approximate may hide an effect, or look like one of the flexible ones.
         if self.best.added and self._change_mechanics():
             return False
-        room = len(self.best.added) + 2 <= self.context.settings.budget.most_effects
-        if not room or self._leaves_noise():
+        if len(self.best.added) + 2 > self.context.settings.budget.most_effects or self._leaves_noise():
             return self._take(pliable)
         pairs = self.offers.pairs(self.best)
         if self._take(of_plain := plain(pairs, 2)):
