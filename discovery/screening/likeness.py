@@ -16,18 +16,22 @@ from discovery.screening.attribution import Candidate
 from discovery.screening.refits import Refit
 
 
-def likely_pairs(scored: Sequence[Candidate], target: FloatArray, keep: int) -> list[tuple[Candidate, Candidate]]:
+def likely_pairs(
+    scored: Sequence[Candidate], target: FloatArray, keep: int, *, pliable: bool
+) -> list[tuple[Candidate, Candidate]]:
     """Return the pairs of candidates whose best sensitivities together remove most of a residual, to first order.
 
     `scored`: from `screen`. `target` (n,): the residual around which they were screened. `keep`: number of pairs.
+    `pliable`: whether a law that may imitate others is in each of them, or in none.
     """
+    flexible = [get_effect(c.effect).pliable for c in scored]
     bases = [c.sensitivity for c in scored]
     edges = np.cumsum([0, *(b.shape[1] for b in bases)])
     everything = np.concatenate(bases, axis=1)
     gram, push = everything.T @ everything, everything.T @ target
     gains = {}
     for i in range(len(scored)):
-        for j in range(i):
+        for j in (j for j in range(i) if (flexible[i] or flexible[j]) is pliable):
             at = np.r_[edges[i] : edges[i + 1], edges[j] : edges[j + 1]]
             solution = np.linalg.lstsq(gram[np.ix_(at, at)], push[at], rcond=1e-9)[0]
             gains[j, i] = float(push[at] @ solution)

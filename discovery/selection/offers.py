@@ -33,7 +33,7 @@ class Offers:
     def __init__(self, context: Context, given_up: frozenset[str] = frozenset()) -> None:
         self.context, self.given_up = context, given_up
         self._made: dict[_Key, list[Contender]] = {}
-        self._pairs: dict[_Key, list[Contender]] = {}
+        self._pairs: dict[tuple[_Key, bool], list[Contender]] = {}
         self._scored: dict[_Key, tuple[Candidate, ...]] = {}
         self._chance: dict[tuple[Contender, Contender], float] = {}
 
@@ -89,19 +89,19 @@ class Offers:
         """Return sets of these effects on a base that were weighed as an extension of another."""
         return [c for offered in self._made.values() for c in offered if c.key == (frozenset(added), base)]
 
-    def pairs(self, node: Contender) -> list[Contender]:
+    def pairs(self, node: Contender, *, pliable: bool = False) -> list[Contender]:
         """Return sets with two effects more that would explain the residual to first order, the most likely first."""
-        if node.key not in self._pairs:
+        if (key := (node.key, pliable)) not in self._pairs:
             most = self.context.settings.budget.pairs
             problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
-            likely = likely_pairs(self.scored(node), minimum.residual[: problem.bench.n_rows], most)
+            likely = likely_pairs(self.scored(node), minimum.residual[: problem.bench.n_rows], most, pliable=pliable)
             self.context.progress("refitting pairs")
             quick = refit_pairs(minimum, problem, likely)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: most // 2]
             full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
             sets = [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
-            self._pairs[node.key] = contenders(self.context, sets)
-        return self._pairs[node.key]
+            self._pairs[key] = contenders(self.context, sets)
+        return self._pairs[key]
 
     def chance(self, smaller: Contender, larger: Contender) -> float:
         """Return the chi-square that noise alone would let the best candidate beside a set remove, at the level asked.
@@ -138,9 +138,9 @@ class Offers:
         return partial(node.white, least=self.context.least_error(node.model))
 
 
-def plain(offered: Sequence[Contender], new: int = 1) -> list[Contender]:
-    """Return those sets whose last effect, or so many of them, could imitate no others."""
-    return [c for c in offered if not any(get_effect(e).pliable for e in c.added[-new:])]
+def plain(offered: Sequence[Contender]) -> list[Contender]:
+    """Return those sets whose last effect could imitate no others."""
+    return [c for c in offered if not any(get_effect(e).pliable for e in c.added[-1:])]
 
 
 def simplest_first(offered: Sequence[Contender], beside: Contender, settings: LoopSettings) -> list[Contender]:

@@ -228,15 +228,15 @@ class Search:
             return False
         if len(self.best.added) + 2 > self.context.settings.budget.most_effects or self._leaves_noise():
             return self._take(pliable)
-        pairs = self.offers.pairs(self.best)
-        if self._take(of_plain := plain(pairs, 2)):
+        if self._take(pairs := self.offers.pairs(self.best)):
             return True
-        # Effects hide each other: what is refused alone may be right beside another.
-        leading, refused = self._leading(laws), pairs if len(of_plain) < len(pairs) else []
-        if any(self._take(plain(self.offers.beside(c))) for c in leading) or any(map(self._take, (pliable, refused))):
+        leading = self._leading(laws)  # effects hide each other: what is refused alone may be right beside another
+        if any(self._take(plain(self.offers.beside(c))) for c in leading) or self._take(pliable):
+            return True
+        if self._take(flexible := self.offers.pairs(self.best, pliable=True)):
             return True
         # Flexible laws and two at once imitate what is not there, and then predict worse.
-        leading += self._leading([*offered, *pairs], ahead=True)
+        leading += self._leading([*offered, *pairs, *flexible], ahead=True)
         return any(self._take(self.offers.beside(c)) for c in leading)
 
     def _leading(self, offered: Sequence[Contender], *, ahead: bool = False) -> list[Contender]:
