@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from discovery.declarations.effect import Sensor
-from discovery.declarations.registry import catalogue
+from discovery.declarations.registry import catalogue, get_effect
 from discovery.equations.lacking import candidates, eventual_candidates
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
@@ -23,7 +23,7 @@ from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.rigs.rig_system import ready_made
 from discovery.screening.attribution import Candidate, grid_of, screen
-from discovery.screening.likeness import similarity
+from discovery.screening.likeness import likely_pairs, similarity
 from discovery.screening.refits import Refit, refit
 from discovery.screening.responses import Grid, plan, respond
 
@@ -99,6 +99,16 @@ def test_what_another_law_contains_is_not_offered_beside_it() -> None:
     assert "recording_force" in candidates(Model("servo", ("viscous_damping", "constant_force")))
     placed = Model(system_base(ready_made()["dc_motor"]).name, ("recording_force_at_shaft",))
     assert "constant_force_at_shaft" not in candidates(placed)
+
+
+def test_pairs_with_a_flexible_law_do_not_crowd_out_the_others() -> None:
+    found = declared_fit(beta=0.5)
+    scored = screened(beta=0.5)
+    target = found.minimum.residual[: found.problem.bench.n_rows]
+    for pliable in (False, True):
+        pairs = likely_pairs(scored, target, 8, pliable=pliable)
+        assert len(pairs) == 8
+        assert all(any(get_effect(c.effect).pliable for c in pair) is pliable for pair in pairs)
 
 
 # The linear score.

@@ -363,6 +363,15 @@ def test_a_law_that_contains_a_member_takes_its_place_where_it_is_as_likely(
     assert search.best is (before if lost or grown.joint < before.joint else grown)
 
 
+def test_no_member_is_exchanged_where_evidence_tells_no_more_than_last_digits() -> None:
+    search = offered(beta=1.0, f_c=0.02)
+    near, smaller = search.offers.beside(search.root)[-1], search.root
+    for error, exchanged in ((5.0, False), (1.0, True)):
+        search.best = found = dataclasses.replace(near, evidence=dataclasses.replace(near.evidence, error=error))
+        search._exchange(found.added[-1], smaller)
+        assert (search.best is not found) is exchanged
+
+
 def test_what_is_taken_out_gives_its_place_to_what_serves() -> None:
     search = offered(f_c=0.02)
     beside = search.offers.beside(search.root)
@@ -612,7 +621,9 @@ def test_a_flexible_law_is_tried_beside_a_refused_plain_one_after_all_else(monke
     monkeypatch.setattr(search, "_take", take)
     monkeypatch.setattr(search, "_leaves_noise", lambda: False)
     monkeypatch.setattr(search, "_leading", lambda some, *, ahead=False: [] if ahead else some)
-    offers = SimpleNamespace(beside=lambda node: beside[node.added if node is alone else node], pairs=lambda _: [])
+    offers = SimpleNamespace(
+        beside=lambda node: beside[node.added if node is alone else node], pairs=lambda _, pliable=False: []
+    )
     monkeypatch.setattr(search, "offers", offers)
     assert search._forward()
     assert tried == [[alone.added], [], [pairs[0].added], [flexible.added], [], [p.added for p in pairs]]
