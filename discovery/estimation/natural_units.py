@@ -92,8 +92,11 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
     The frequency is that of the largest peak of the pooled periodogram of the deflection; an arm's natural angle is
     one radian, because its geometry is nonlinear on that scale.
     """
-    frequencies = [_dominant(*_finite(e)) for e in experiments]
+    motions = [_finite(e) for e in experiments]
+    frequencies = [_dominant(*motion) for motion in motions]
     arm = experiments[0].system.has_rod
+    # The way of a body is seen where its place is read.
+    placed = not arm and "/s" not in experiments[0].coordinate_unit
     length = experiments[0].rig.length
     forces = [e.force for e in experiments if e.force is not None]
     time = 1.0 / float(np.median(frequencies))
@@ -106,9 +109,9 @@ def natural_units(experiments: Sequence[Experiment]) -> NaturalUnits:
         drive=drive,
         places=_places(experiments, 1.0 / time, drive),
         reading=1.0 if arm else drive if experiments[0].rig.view is not None else deflection,
-        swept=1.0 if arm or "/s" in experiments[0].coordinate_unit else _swept(experiments, deflection),
+        swept=_swept(experiments, deflection) if placed else 1.0,
+        passes=max(_passes(*motion, time) for motion in motions) if placed else 1.0,
     )
-    units = replace(units, passes=max(_passes(*_finite(e), time) for e in experiments))
     gravity = experiments[0].rig.gravity
     if gravity is None or not experiments[0].rig.traits.falls:
         return units
