@@ -92,8 +92,7 @@ class Effect(ABC):
     called: ClassVar[str] = ""  #: Words for it where those of its id mislead.
     #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.
     pliable: ClassVar[bool] = False
-    #: Ids of simpler effects that it is where one of its amplitudes vanishes.
-    reduces_to: ClassVar[frozenset[str]] = frozenset()
+    reduces_to: ClassVar[frozenset[str]] = frozenset()  #: Ids of effects that it is where an amplitude vanishes.
     #: Quantity of an arm's rig file of which a relative error reads as the effect's only parameter does, if any.
     stands_for: ClassVar[str] = ""
     #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
@@ -106,8 +105,7 @@ class Effect(ABC):
     remembers: ClassVar[bool] = False
     #: What a base, or the place of a declared system, must have for it: `SPRING`, `ROTOR`, `WEIGHT` or `SHAKEN`.
     needs: ClassVar[str] = ""
-    #: Where it acts on a declared system, see `discovery.declarations.place`.
-    place: ClassVar[str] = ""
+    place: ClassVar[str] = ""  #: Where it acts on a declared system, see `discovery.declarations.place`.
 
     @classmethod
     def id(cls) -> str:
@@ -129,7 +127,9 @@ class Effect(ABC):
         return tuple(p for p in cls.parameters() if not p.fixed and (System.of(system).has_rod or not p.planar))
 
     @classmethod
-    def imitates(cls, values: Mapping, time: float, duration: float, step: float, reach: float, passes: float) -> float:
+    def imitates(
+        cls, values: Mapping[str, float], time: float, duration: float, step: float, reach: float, passes: float
+    ) -> float:
         """Return whether, at these values, a law does what others do: 0 or 1; infinite where it could be anything.
 
         Given are natural time, longest duration, step between readings [s], half of the way [q], and its `passes`.

@@ -80,9 +80,9 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         where = "" if len(recordings) == 1 else f"in {one.path.name} "
         return Guess("system", f"{where}{goes}, and no input: in its own equations, docs/YOUR_SYSTEM.md")
     if found.input is None:
-        if unit == "rad" and _turns_back_beyond_half_a_turn(found):
-            return Guess("oscillator", "it turns back beyond half a turn to both sides, as on a torsion spring")
         if unit == "rad":
+            if _turns_back_beyond_half_a_turn(found):
+                return Guess("oscillator", "it turns back beyond half a turn to both sides, as on a torsion spring")
             again = f"discovery init {name} --kind oscillator"
             return Guess("pendulum", f"an angle, and {free}; on a torsion spring: `{again}`")
         return Guess("oscillator", free)

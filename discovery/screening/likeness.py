@@ -31,7 +31,9 @@ def likely_pairs(
     gram, push = everything.T @ everything, everything.T @ target
     gains = {}
     for i in range(len(scored)):
-        for j in (j for j in range(i) if (flexible[i] or flexible[j]) is pliable):
+        for j in range(i):
+            if (flexible[i] or flexible[j]) is not pliable:
+                continue
             at = np.r_[edges[i] : edges[i + 1], edges[j] : edges[j + 1]]
             solution = np.linalg.lstsq(gram[np.ix_(at, at)], push[at], rcond=1e-9)[0]
             gains[j, i] = float(push[at] @ solution)

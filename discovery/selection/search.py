@@ -292,9 +292,9 @@ class Search:
     def _exchange(self, effect: str, rest: Contender) -> None:
         """Let another effect, accepted by itself, take the place of a member where the evidence tells which serves."""
         offered = plain(self.offers.beside(rest)) if self.neighbours.affords(rest) and not self.best.is_far else []
-        found = next((c for c in offered[:_TRIED] if self._judged(c, rest)[1] == "accepted"), self.best)
-        gain, new, settings = found.joint - self.best.joint, found.added[-1:], self.context.settings
-        if frozenset(found.added) != frozenset(self.best.added) and gain > settings.nats:
+        new = next((c for c in offered[:_TRIED] if self._judged(c, rest)[1] == "accepted"), self.best)
+        gain, settings = new.joint - self.best.joint, self.context.settings
+        if frozenset(new.added) != frozenset(self.best.added) and gain > settings.nats:
             told = tuple(candidacy(c, rest, self.root, settings) for c in offered[:_TOLD])
-            self.decisions.append(Decision("exchange", (effect, *new), True, "accepted", {"odds": gain}, told))
-            self.best = found
+            self.decisions.append(Decision("exchange", (effect, new.added[-1]), True, "accepted", {"odds": gain}, told))
+            self.best = new
