@@ -16,6 +16,7 @@ from discovery.equations.declared_terms import declared_lines
 from discovery.equations.losses import is_passive, same_losses, without_losses
 from discovery.equations.model import Model
 from discovery.estimation.holdout import HoldOut
+from discovery.mechanics.place_sizes import place_sizes
 from discovery.mechanics.systems import declared_base, system_base
 from discovery.report.results import Run
 from discovery.report.sentences import decision_sentence
@@ -143,7 +144,7 @@ def test_drag_along_a_way_in_a_plane_has_no_size_at_rest() -> None:
         kinetic="mass*(dot(x)^2 + dot(y)^2)/2", potential="mass*g*y", dissipation="0",
         forces={"x": f"-drag*{speed}*dot(x)", "y": f"-drag*{speed}*dot(y)"}, output="y", places={"air": "y"},
     )  # fmt: skip
-    moved, time = system_base(system).sizes(1.0, 1.0, 2.0)["air"]
+    moved, time = place_sizes(system_base(system), 1.0, 1.0, 2.0)["air"]
     assert np.isfinite([moved, time]).all()
 
 

@@ -100,6 +100,13 @@ def _say_errors(errors: Mapping[str, Any]) -> None:
             + ", ".join(f"{k} rms {figures(v['rms'], 4)} (mean {figures(v['mean'], 4)})" for k, v in shown.items())
             + (f" {errors['unit']}" if errors["unit"] != "1" else "")
         )
+    for also in errors.get("also", ()):
+        sizes = (
+            f"{figures(also['before'][g]['rms'], 4)} -> {figures(also['after'][g]['rms'], 4)}"
+            for g in ("train", "holdout")
+        )
+        unit = f" {also['unit']}" if also["unit"] != "1" else ""
+        click.echo(f"also read: {also['name']}, rms {', held out '.join(sizes)}{unit}")
     if errors["holdout_kind"] != SEPARATE:
         tells = f"its motion is {figures(errors['holdout_motion'], 2)} times the noise"
         click.echo(f"holdout: the {errors['holdout_kind']}; {tells}; --holdout names a recording of its own")

@@ -68,6 +68,8 @@ class SystemDeclaration:
         What is read.
     places : mapping of str to str
         Where effects may act: a coordinate, or any length or angle that they make, such as the twist of a joint.
+    also : mapping of str to str
+        What is read beside the output, by name: another coordinate, or an expression as the output is one.
     """
 
     name: str
@@ -80,6 +82,7 @@ class SystemDeclaration:
     dissipation: str = "0"
     forces: Mapping[str, str] = field(default_factory=dict)
     input: tuple[str, str] | None = None
+    also: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def identity(self) -> str:

@@ -132,7 +132,8 @@ def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str
     for found in content["recordings"]:
         yield _size(found)
         for channel in found["channels"]:
-            unit = channel["unit"] if dataset.rig.traits.has_rod or dataset.rig.view else columns.output.unit
+            fixed = dataset.rig.traits.has_rod or dataset.rig.view
+            unit = channel["unit"] if fixed else columns.read[channel["name"]].unit
             yield _channel(channel, unit)
         if found["input"] is None:
             yield f"  input: none, it moves freely{_swing(found)}"

@@ -53,6 +53,7 @@ def declared_lines(base: DeclaredBase, known: Mapping[str, float]) -> list[Decla
     lines = [line for line in lines if line[2] != 0]
     lines += [(f"Place {_words(name)}", name, value) for name, (value, _) in read.places.items()]
     lines.append(("What is read", "y_read", read.output))
+    lines += [(f"Also read, {_words(name)}", f"y_{name}", value) for name, (value, _) in read.also.items()]
     return [DeclaredLine(words, name, 0, value.xreplace(own)) for words, name, value in lines]
 
 

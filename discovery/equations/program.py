@@ -244,12 +244,14 @@ def _reading(
     reading = tuple(bare)
     if modes:
         memory = {z: slope.xreplace({s.push: base.push()}) for z, slope in memory.items()}
-        reading = (reading[0] + sp.Add(*[_as_read(base, z, memory) for z in modes]),)
+        reading = (reading[0] + sp.Add(*[_as_read(base, z, memory) for z in modes]), *reading[1:])
     if base.system.has_rod:
         reading = tuple(s.length * r for r in reading)
     for sensor in effects:
         if isinstance(sensor, Sensor):
-            reading = sensor.read(*reading)
+            # What is read beside an output has an instrument of its own.
+            own = len(base.system.channels)
+            reading = (*sensor.read(*reading[:own]), *reading[own:])
     return reading, memory
 
 

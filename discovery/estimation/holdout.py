@@ -150,10 +150,10 @@ class HoldOut:
         return float(np.sqrt(np.average(variances, weights=[r.time.size for r in recordings])))
 
     def outputs(self) -> list[FloatArray]:
-        """Return measured outputs, NaN where a sample was fitted."""
+        """Return measured outputs, without what is read beside them, NaN where a sample was fitted."""
         found = []
         for e in self.experiments:
-            out = e.recording.output.copy()
+            out = e.recording.output[:, e.recording.judged].copy()
             if self.continued:
                 out[e.fitted] = np.nan
             found.append(out)

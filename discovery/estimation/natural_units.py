@@ -11,6 +11,7 @@ from discovery.declarations.parameters import Parameter, natural_scale
 from discovery.declarations.units import dimension
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
+from discovery.mechanics.place_sizes import place_sizes
 from discovery.mechanics.systems import system_base
 from discovery.recordings.experiment import Experiment, largest_deflection
 
@@ -149,7 +150,7 @@ def _places(
     if system is None:
         return ()
     base = system_base(system)
-    sizes = base.sizes(frequency, drive, largest_deflection(experiments))
+    sizes = place_sizes(base, frequency, drive, largest_deflection(experiments))
     return tuple((name, *size, base.places()[name].inertia) for name, size in sizes.items())
 
 

@@ -201,8 +201,9 @@ def errors(prediction: FloatArray, measured: FloatArray) -> dict[str, float]:
 
     They are infinite where the prediction of one of these is not finite, or beyond all measure.
 
-    `prediction`, `measured` (n, c): free-run prediction and measurement.
+    `prediction` (n, c or more), `measured` (n, c): free-run prediction and measurement.
     """
+    prediction = prediction[:, : measured.shape[1]]
     taken = np.isfinite(measured).all(axis=1)
     distance = np.sqrt(np.sum((prediction[taken] - measured[taken]) ** 2, axis=1))
     largest = float(np.abs(measured[taken]).max(initial=0.0))

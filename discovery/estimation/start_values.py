@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model, check_declared
 from discovery.estimation.natural_units import NaturalUnits
@@ -64,6 +66,7 @@ def start_values(
     rate = 0 if model.mechanics.order == 1 else 1  # which number of a start is the rate
     found = []
     for i, e in enumerate(experiments):
+        told = model.mechanics.begun(e.first_readings) if begins else {}
         for row, (size, guess) in enumerate(zip(sizes, e.initial_state(time), strict=False)):
             if e.recording.at_rest and row == rate:
                 least = _REST * size
@@ -76,12 +79,16 @@ def start_values(
             # What effects have counts from the reference, a coordinate's start from its rest.
             if parameter is None or (e.recording.name == reference and parameter.name not in begins):
                 continue
+            begun = told.get(parameter.name)
             unit, name = units.scale(parameter), start_name(parameter.name, e.recording.name)
             starts, width = tuple(s * unit for s in parameter.starts), parameter.prior.width * unit
-            believed = parameter.name in begins
-            still = believed and e.recording.at_rest
+            still = parameter.name in begins and e.recording.at_rest
             width *= _REST if still else 1.0
-            value = StartValue(name, i, row, 0.1 * width, width, believed=believed, still=still)
+            if begun is not None and not still:
+                # What is read tells it: it may begin anywhere.
+                value = StartValue(name, i, row, 0.1 * width, float(np.hypot(width, begun)), guess=begun)
+            else:
+                value = StartValue(name, i, row, 0.1 * width, width, believed=parameter.name in begins, still=still)
             found.append(replace(value, starts=starts, own_unit=e.unit_of(parameter)))
     return tuple(found)
 

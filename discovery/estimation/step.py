@@ -149,7 +149,10 @@ class Probe:
         In rad for an arm (its readings divided by the length), in the natural coordinate for an oscillator.
         """
         with np.errstate(invalid="ignore", over="ignore"):
-            distances = [float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(one, other, strict=True)]
+            distances = [
+                float(np.linalg.norm((a - b) * e.recording.worth, axis=1).max())
+                for a, b, e in zip(one, other, experiments, strict=True)
+            ]
         worst = max(distances) / error_unit(experiments, self.units)
         return worst if np.isfinite(worst) else np.inf
 

@@ -72,7 +72,7 @@ def _variables(found: FittedModel) -> Iterable[dict[str, str]]:
         inputs = (stem, f"{stem}_dot", f"{stem}_ddot")
     for name in inputs:
         yield {"name": name, "causality": "input", "variability": "continuous", "start": "0.0"}
-    for name in ("tip_x", "tip_y") if arm else ("output",):
+    for name in base.channels:
         read = {"name": name, "causality": "output", "variability": "continuous", "initial": "calculated"}
         yield {**read, "unit": "m"} if arm else read
 

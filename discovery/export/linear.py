@@ -230,7 +230,7 @@ def linearise(
     return LinearModel(
         states=(*names, *motion),
         inputs=(f"{motion[0]}_ddot",) if motion else ("u",),
-        outputs=base.system.channels,
+        outputs=base.channels,
         **tangent,
         sd=_spread(matrices, found, draws),
         point=dict(zip((*names, motion[0] if motion else "u"), (*state.tolist(), held), strict=True)),

@@ -84,7 +84,8 @@ def _text(found: FittedModel, arm: bool, inputs: str) -> str:
     """Return the docstring of the module."""
     effects = [f"{e.id()}: {e.title()}." for e in found.model.terms]
     unit = "q is the unit of the coordinate" if not arm else "deflection = theta_t - theta_m"
-    use = f"{'x, y' if arm else '(output,)'} = simulate(time, {inputs})"
+    read = ("x", "y") if arm else found.model.mechanics.channels
+    use = f"{', '.join(read) if len(read) > 1 else f'({read[0]},)'} = simulate(time, {inputs})"
     return docstring(
         "\n".join(effects),
         "\n".join(equation_text(found.model)),

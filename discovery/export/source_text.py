@@ -114,7 +114,8 @@ def input_words(model: Model, program: SymbolicModel) -> Mapping[str, str]:
     """Return what input and readings of a model are called."""
     if model.mechanics.system.has_rod:
         return _ARM
+    read = {"READING_WORDS": ", ".join(("the output", *model.mechanics.channels[1:]))}
     if model.mechanics.input_moves:
-        return _MOVED
+        return _MOVED | read
     written = (*program.slopes, *program.reading, *dict(program.assignments).values())
-    return _FORCED if any(s.u in e.free_symbols for e in written) else _FREE
+    return (_FORCED if any(s.u in e.free_symbols for e in written) else _FREE) | read

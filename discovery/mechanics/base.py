@@ -214,6 +214,11 @@ class Base(ABC):
         """Whether the input is a force or a voltage, which passes a drive before it acts, not a motion."""
         return self.push() is not None and not self.input_moves
 
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What `reading` gives, by name."""
+        return self.system.channels
+
     @abstractmethod
     def reading(self, closure: sp.Expr | None, rod: Rod = STRAIGHT) -> tuple[sp.Expr, ...]:
         """Return the true output in coordinates and theta_m: tip x, y in lengths of the arm, or the coordinate.
@@ -230,6 +235,13 @@ class Base(ABC):
         `drive` holds theta_m, theta_m' at that time (zeros for an oscillator), `form` the deflection of the unloaded
         rod [q] and the turn of its root per curvature [-], see `discovery.equations.program.Program.form`.
         """
+
+    def begun(self, read: NDArray) -> dict[str, float]:
+        """Return by name what readings tell of the parameters that `begins` lists; nothing of those that they do not.
+
+        `read` (c, 2): first value of every channel, and its rate.
+        """
+        return {}
 
     def calmed(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values at which the integration step is chosen: as they are, where every motion converges."""

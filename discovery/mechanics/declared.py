@@ -53,7 +53,11 @@ class DeclaredBase(Base):
     @cached_property
     def order(self) -> int:
         """Whether positions are read, rates, or accelerations: 0, 1, or 2."""
-        found, (_, rates, accelerations) = self.equations.output.free_symbols, self._moving
+        return self.order_of(self.equations.output)
+
+    def order_of(self, law: sp.Expr) -> int:
+        """Return whether a reading is of positions, of rates, or of accelerations: 0, 1, or 2."""
+        found, (_, rates, accelerations) = law.free_symbols, self.moving
         return 2 if found & {*accelerations, s.alpha_m} else 1 if found & {*rates, s.omega_m} else 0
 
     @cached_property
@@ -62,29 +66,29 @@ class DeclaredBase(Base):
         return {sp.Symbol(n, real=True): c.value for n, c in self.declaration.constants.items()}
 
     @property
-    def _moving(self) -> tuple[tuple[sp.Symbol, ...], ...]:
+    def moving(self) -> tuple[tuple[sp.Symbol, ...], ...]:
         """Coordinates, their rates and their accelerations."""
         return coordinates_of(type(self).n_coordinates)
 
     def _at_rest(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression where every coordinate, rate and input is zero."""
-        q, rates, _ = self._moving
+        q, rates, _ = self.moving
         return expression.subs(dict.fromkeys((*q, *rates, *INPUT, s.u), 0))
 
     def stiffness(self) -> NDArray:
         """Return the stiffness matrix at rest, at the constants as declared and guessed, shape (n, n)."""
-        return self._numbers(self._stiffness())
+        return self.numbers(self._stiffness())
 
     def _stiffness(self) -> sp.Matrix:
-        return self._at_rest(sp.hessian(self.equations.potential, self._moving[0]))
+        return self._at_rest(sp.hessian(self.equations.potential, self.moving[0]))
 
-    def _numbers(self, expression: sp.Expr) -> NDArray:
+    def numbers(self, expression: sp.Expr) -> NDArray:
         """Return an expression at rest, at the declared and guessed constants."""
         return np.array(sp.Matrix(self._at_rest(expression)).xreplace(self.guess).tolist(), float)
 
     def mechanics(self, rod=STRAIGHT) -> Mechanics:
         """Return the mathematics: d/dt dT/dq' - dT/dq + dV/dq + dD/dq' = forces."""
-        e, (q, rates, _) = self.equations, self._moving
+        e, (q, rates, _) = self.equations, self.moving
         momenta = [sp.diff(e.kinetic, rate) for rate in rates]
         mass = tuple(tuple(sp.diff(p, rate) for rate in rates) for p in momenta)
         force = [
@@ -125,7 +129,7 @@ class DeclaredBase(Base):
 
     def _place(self, name: str, value: sp.Expr) -> tuple[dict[sp.Symbol, Channel], float, sp.Expr]:
         """Return the channels of a place, its inertia as a force there feels it, and its stiffness over that."""
-        q, rates, _ = self._moving
+        q, rates, _ = self.moving
         jacobian = tuple(sp.diff(value, a) for a in q)
         rate = total_derivative(value, q, rates)
         still = tuple(sp.Integer(0) for _ in q)
@@ -137,7 +141,7 @@ class DeclaredBase(Base):
         found |= dict.fromkeys((s.v2, s.w2), square)
         found[s.U] = Channel(value**2 / 2, tuple(value * j for j in jacobian))
         found[s.U_4] = Channel(value**4 / 4, tuple(value**3 * j for j in jacobian))
-        way = self._numbers(sp.Matrix([jacobian]))[0]
+        way = self.numbers(sp.Matrix([jacobian]))[0]
         shape = np.linalg.solve(self.inertia, way)
         inertia = 1.0 / float(way @ shape)
         stiffness = self._across(name, self._stiffness())
@@ -151,7 +155,7 @@ class DeclaredBase(Base):
 
         Between two coordinates that is what couples them, on one coordinate whatever holds that.
         """
-        way = self._way(place)
+        way = self.way(place)
         moving = np.flatnonzero(way)
         if moving.size > 2:
             return sp.Integer(0)
@@ -160,18 +164,18 @@ class DeclaredBase(Base):
 
     def _is_sprung(self, place: str) -> bool:
         """Return whether a linear spring acts across a place, not gravity or another law."""
-        q = self._moving[0]
+        q = self.moving[0]
         stiffness = self._across(place, sp.hessian(self.equations.potential, q))
         return stiffness != 0 and not stiffness.free_symbols & {*q, *INPUT, s.u}
 
     @cached_property
     def inertia(self) -> NDArray:
         """Mass matrix at rest, shape (n, n)."""
-        return self._numbers(sp.hessian(self.equations.kinetic, self._moving[1]))
+        return self.numbers(sp.hessian(self.equations.kinetic, self.moving[1]))
 
-    def _way(self, place: str) -> NDArray:
+    def way(self, place: str) -> NDArray:
         """Return the displacement of a place per coordinate, at rest."""
-        return self._numbers(sp.Matrix([[sp.diff(self.equations.places[place][0], a) for a in self._moving[0]]]))[0]
+        return self.numbers(sp.Matrix([[sp.diff(self.equations.places[place][0], a) for a in self.moving[0]]]))[0]
 
     def places(self):
         """Return the declared places."""
@@ -185,46 +189,14 @@ class DeclaredBase(Base):
         }
 
     def _is_tied(self, place: str) -> bool:
-        stiffness, way = self.stiffness(), self._way(place)
+        stiffness, way = self.stiffness(), self.way(place)
         answer = np.linalg.lstsq(stiffness, way, rcond=_LOOSE)[0]
         return bool(np.allclose(stiffness @ answer, way, rtol=1e-6, atol=1e-6 * np.abs(way).max()))
-
-    def sizes(self, frequency: float, drive: float, output: float) -> dict[str, tuple[float, float]]:
-        """Return how far each place moves, and in which time its forces would bring it there.
-
-        `frequency`: angular frequency of the motion [rad/s]. `drive`, `output`: amplitudes of input and output, in SI
-        units. Returned: displacement [unit of the place] and time [s] in the linear motion at that frequency with that
-        output, at the constants as declared and guessed: they say of which size a law at the place can be.
-        """
-        turn, (q, rates, accelerations) = 1j * frequency, self._moving
-        force = sp.Matrix(self.mechanics().force)
-        # Drag along a way in a plane has no slope at rest that could be worked out: 0 over 0.
-        stiffness, loss = (np.nan_to_num(-self._numbers(force.jacobian(a)), posinf=0, neginf=0) for a in (q, rates))
-        pushed = [*enumerate(INPUT), (0, s.u)]
-        push = sum(self._numbers(force.diff(a))[:, 0] * turn**k for k, a in pushed)
-        yields = np.linalg.pinv(stiffness + loss * turn + self.inertia * turn**2)
-        motion = yields @ push if np.any(push) else self.shape + 0j
-        read = sum(
-            self._numbers(sp.Matrix([[sp.diff(self.equations.output, a) for a in own]]))[0] @ motion * turn**k
-            for k, own in enumerate((q, rates, accelerations))
-        )
-        scale = output / abs(read) if abs(read) > 0 else drive
-        found = {}
-        for name in self.equations.places:
-            way = self._way(name)
-            moved, weight = scale * abs(way @ motion), self.places()[name].inertia
-            if not moved > 0:
-                found[name] = output, 1.0 / frequency
-                continue
-            # What would hold the place still: a loss there cannot be much larger.
-            still = (max(scale, drive) if np.any(push) else scale) * abs(way @ motion) / abs(way @ yields @ way)
-            found[name] = float(moved), float(np.sqrt(weight * moved / max(still, weight * moved * frequency**2)))
-        return found
 
     @property
     def reads_pushed(self):
         """Whether the output is the only coordinate, bar a factor, and the first place moves as that."""
-        q, (first, _) = self._moving[0], next(iter(self.equations.places.values()))
+        q, (first, _) = self.moving[0], next(iter(self.equations.places.values()))
         return len(q) == 1 and first == self.equations.output and bool((first / q[0]).is_number)
 
     @property
@@ -239,9 +211,15 @@ class DeclaredBase(Base):
         value, bias, *jacobian = map(self._received, map(sp.sympify, (channel.value, channel.bias, *channel.jacobian)))
         return Channel(value, tuple(jacobian), bias)
 
+    @property
+    def channels(self):
+        """The output, and what is read beside it."""
+        return (*super().channels, *self.equations.also)
+
     def reading(self, closure, rod=STRAIGHT):
-        """Return the declared output."""
-        return (self._received(self.equations.output),)
+        """Return the declared output, and what is read beside it."""
+        read = (self.equations.output, *(also for also, _ in self.equations.also.values()))
+        return tuple(map(self._received, read))
 
     @property
     def adrift(self) -> bool:
@@ -271,6 +249,23 @@ class DeclaredBase(Base):
             q, rates = q + each.way[:, None] * np.asarray(moved), rates + each.way[:, None] * np.asarray(moving)
         return q, rates
 
+    def begun(self, read):
+        """Return what tells where coordinates that are not the output's begin, and how fast, by parameter.
+
+        Of places that are read beside an output that is one, as the linear motion about rest has them.
+        """
+        laws, ways = [law for law, _ in self.equations.also.values()], self.unread()
+        still = [self.order_of(law) == 0 for law in laws]
+        if self.order or not ways or not any(still):
+            return {}
+        slopes = self.numbers(sp.Matrix([[sp.diff(law, a) for a in self.moving[0]] for law in laws]))[still]
+        moved = slopes @ np.column_stack([each.way for each in ways])
+        if np.linalg.matrix_rank(moved) < len(ways):
+            return {}
+        begins = np.linalg.lstsq(moved, read[1:][still] - np.outer(slopes @ self.shape, read[0]), rcond=None)[0]
+        names = (p.name for each in ways for p in each.starts)
+        return dict(zip(names, begins.ravel().tolist(), strict=True))
+
     @cached_property
     def _return(self) -> float:
         """Slope of what is read per displacement along `shape` that ends it [s^-2]; zero where nothing pulls back."""
@@ -281,9 +276,9 @@ class DeclaredBase(Base):
     @cached_property
     def gradient(self) -> NDArray:
         """What is read per coordinate, or per rate or acceleration where these are read, at rest, shape (n,)."""
-        moving = self._moving[self.order]
+        moving = self.moving[self.order]
         slopes = [sp.diff(self.equations.output, a).subs(dict.fromkeys(moving, 0)) for a in moving]
-        return self._numbers(sp.Matrix([slopes]))[0]
+        return self.numbers(sp.Matrix([slopes]))[0]
 
     @cached_property
     def shape(self) -> NDArray:

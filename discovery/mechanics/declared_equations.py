@@ -33,6 +33,7 @@ class Equations:
     output: sp.Expr
     places: Mapping[str, tuple[sp.Expr, str]]
     output_unit: str
+    also: Mapping[str, tuple[sp.Expr, str]]  # what is read beside the output, with its unit
 
 
 def coordinates_of(n: int) -> tuple[tuple[sp.Symbol, ...], tuple[sp.Symbol, ...], tuple[sp.Symbol, ...]]:
@@ -82,14 +83,15 @@ def read_equations(declaration: SystemDeclaration) -> Equations:
         output=output,
         places={name: formula(f"places.{name}", text, 0, None) for name, text in declaration.places.items()},
         output_unit=unit,
+        also={name: formula(f"also.{name}", text, 2, None) for name, text in declaration.also.items()},
     )
 
 
 def is_moved_by_input(equations: Equations) -> bool:
     """Return whether derivatives of the input are needed: it is a motion then."""
     e = equations
-    places = [p for p, _ in e.places.values()]
-    used = sp.Tuple(e.kinetic, e.potential, e.dissipation, *e.forces, e.output, *places).free_symbols
+    places, read = ([p for p, _ in each.values()] for each in (e.places, e.also))
+    used = sp.Tuple(e.kinetic, e.potential, e.dissipation, *e.forces, e.output, *read, *places).free_symbols
     stored = sp.Tuple(e.kinetic, *places).free_symbols
     return bool(used & {s.omega_m, s.alpha_m} or s.theta_m in stored)
 

@@ -72,8 +72,15 @@ def _check(base: DeclaredBase) -> None:
             f"key 'kinetic': the energy of {names} is not positive for every motion. Give each coordinate an inertia."
         )
     q, rates, accelerations = coordinates_of(len(base.declaration.coordinates))
-    if not base.equations.output.free_symbols & {*q, *rates, *accelerations}:
-        raise InputError("key 'output': no coordinate stands in it. Write what the instrument reads of them.")
+    read = {"output": base.equations.output, **{f"also.{n}": law for n, (law, _) in base.equations.also.items()}}
+    for key, law in read.items():
+        if not law.free_symbols & {*q, *rates, *accelerations}:
+            raise InputError(f"key {key!r}: no coordinate stands in it. Write what the instrument reads of them.")
+        if base.order_of(law) < base.order:
+            raise InputError(
+                f"key {key!r}: it is read beside a rate or an acceleration, and is less often differentiated. "
+                "Make it the output, and read that beside it: a motion begins where its output does."
+            )
 
 
 def check_place(base: Base, effect: Effect) -> None:

@@ -74,13 +74,13 @@ class Experiment:
     def channels(self, reading: FloatArray) -> FloatArray:
         """Return the recorded channels (n, c, k) for simulated readings (n, r, k).
 
-        A reading is tip x, y [m] of an arm, or the output of an oscillator.
+        A reading is tip x, y [m] of an arm, or what another system reads.
         """
         names = self.recording.channels
         if self.rig.view is not None:
             # The computed force passes the low-pass that the measured one did.
             return zero_phase(reading, self._rate, self.rig.view.cutoff)
-        if names in (("tip_x", "tip_y"), ("output",)):
+        if names == ("tip_x", "tip_y") or not self.system.has_rod:
             return reading
         x, y = reading[:, 0], reading[:, 1]
         if names == ("tip_angle",):
@@ -165,23 +165,15 @@ class Experiment:
     @cached_property
     def _first_reading(self) -> tuple[float, float]:
         """Reading and its rate at the first sample; zero where nothing was read."""
-        t, d = self.recording.time, self.deflection
-        good = np.flatnonzero(np.isfinite(d))
-        if not good.size:
-            return 0.0, 0.0
-        first = good[: max(4, min(9, good.size))]
-        noise = np.nanmax(self.recording.noise) / (self.rig.length.value if self.rig.length else 1.0)
-        # More samples while a straight line still describes them within the noise.
-        for count in (16, 32, 64):
-            if count > good.size:
-                break
-            part = good[:count]
-            line = np.polynomial.Polynomial.fit(t[part], d[part], 2)
-            if np.std(d[part] - line(t[part])) > 1.5 * noise:
-                break
-            first = part
-        fit = np.polynomial.Polynomial.fit(t[first], d[first], min(2, first.size - 1))
-        return float(fit(t[0])), float(fit.deriv()(t[0]))
+        lever = self.rig.length.value if self.rig.length else 1.0
+        noise = np.nanmax(self.recording.noise[self.recording.judged]) / lever
+        return _begins(self.recording.time, self.deflection, noise)
+
+    @cached_property
+    def first_readings(self) -> FloatArray:
+        """First value of every channel, and its rate, shape (c, 2)."""
+        r = self.recording
+        return np.array([_begins(r.time, read, noise) for read, noise in zip(r.output.T, r.noise, strict=True)])
 
     def weights(self) -> FloatArray:
         """Return 1/noise of every fitted sample and channel, zero in gaps and held-out parts, shape (n, c)."""
@@ -190,6 +182,25 @@ class Experiment:
         if self.fitted_samples is not None:
             weights[self.fitted_samples :] = 0.0
         return weights
+
+
+def _begins(t: FloatArray, d: FloatArray, noise: float) -> tuple[float, float]:
+    """Return what a parabola through the first readings (n,) gives at the first time, and its slope there."""
+    good = np.flatnonzero(np.isfinite(d))
+    if not good.size:
+        return 0.0, 0.0
+    first = good[: max(4, min(9, good.size))]
+    # More samples while a parabola still describes them within the noise.
+    for count in (16, 32, 64):
+        if count > good.size:
+            break
+        part = good[:count]
+        line = np.polynomial.Polynomial.fit(t[part], d[part], 2)
+        if np.std(d[part] - line(t[part])) > 1.5 * noise:
+            break
+        first = part
+    fit = np.polynomial.Polynomial.fit(t[first], d[first], min(2, first.size - 1))
+    return float(fit(t[0])), float(fit.deriv()(t[0]))
 
 
 def make_experiment(recording: Recording, rig: Rig, *, fitted_samples: int | None = None) -> Experiment:

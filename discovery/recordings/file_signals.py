@@ -21,6 +21,11 @@ ARM_STEMS = {"time": "s", "motor_angle": "rad", "tip_x": "m", "tip_y": "m", "tip
 ARM_OUTPUTS = (("tip_x", "tip_y"), ("tip_angle",), ("tip_deflection",))
 
 
+def judged_channels(channels: Sequence[str]) -> slice:
+    """Return which channels are the output, of which errors are told: the first, and both of a tip's position."""
+    return slice(2 if tuple(channels) == ARM_OUTPUTS[0] else 1)
+
+
 @dataclass
 class Signals:
     """The signals of one file in SI units, as far as they are made ready; `channels` also where nothing was read."""
@@ -65,7 +70,7 @@ class Signals:
             table,
             names,
             units=units,
-            channels=channels or (ARM_OUTPUTS[0] if arm else ("output",)),
+            channels=channels or (ARM_OUTPUTS[0] if arm else tuple(rig.columns.read)),
             time=_times(values.get("time"), rig, len(next(iter(table.columns.values())))),
             inputs=values.get("motor_angle" if arm else "input"),
             outputs={channel: values[channel] for channel in channels},
@@ -96,7 +101,7 @@ def _refuse_no_output(table: Table, rig: Rig, names: Mapping[str, str]) -> NoRet
 
 
 def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
-    column = {"input": rig.columns.input, "output": rig.columns.output}.get(stem)
+    column = {"input": rig.columns.input, **rig.columns.read}.get(stem)
     if column is not None and (column.zero, column.scale) != (0.0, 1.0):
         values = column.scale * (values - column.zero)
     return values * si_factor(unit)
@@ -167,7 +172,7 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
         wanted.append(("input", columns.input.name, columns.input.unit))
     present = columns.output.name in table.columns
     if present:
-        wanted.append(("output", columns.output.name, columns.output.unit))
+        wanted += [(channel, column.name, column.unit) for channel, column in columns.read.items()]
     for _, name, _ in wanted:
         if name not in table.columns:
             others = [columns.output.name, *(str(other) for _, other, _ in wanted)]
@@ -178,7 +183,7 @@ def declared_columns(table: Table, rig: Rig) -> tuple[tuple[str, ...], dict[str,
     controller = rig.controller
     if controller is not None and controller.added is not None and controller.added in table.columns:
         wanted.append(("added", controller.added, controller.unit))
-    channels = ("output",) if present else ()
+    channels = tuple(columns.read) if present else ()
     names = {stem: str(name) for stem, name, _ in wanted}
     stems: dict[str, str] = {}
     for stem, name in names.items():

@@ -14,7 +14,7 @@ from discovery.foundation.arguments import expect
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 from discovery.plots.recordings import RecordingViews
 from discovery.recordings.cleaning import cleaned, timed
-from discovery.recordings.file_signals import ARM_STEMS, Signals
+from discovery.recordings.file_signals import ARM_STEMS, Signals, judged_channels
 from discovery.recordings.flags import REPEATED, Flag
 from discovery.recordings.force_view import viewed
 from discovery.recordings.plausibility import check_arm, check_signals
@@ -43,7 +43,8 @@ class Recording(RecordingViews):
     output : array, shape (n, c)
         What the instrument read; NaN marks a gap.
     channels : tuple of str
-        ``("tip_x", "tip_y")`` [m], ``("tip_angle",)`` [rad], ``("tip_deflection",)`` [m] or ``("output",)``.
+        ``("tip_x", "tip_y")`` [m], ``("tip_angle",)`` [rad], ``("tip_deflection",)`` [m] or ``("output",)``, which what
+        a declared system reads beside its output follows.
     units : tuple of str
         SI unit of each channel.
     noise : array, shape (c,)
@@ -107,7 +108,7 @@ class Recording(RecordingViews):
         return scatter(self.time, self.output, self.noise, self.jitter)
 
     def noise_floor(self, used: BoolArray | None = None) -> float:
-        """Return the rms distance, over all channels, of readings from a perfect model, of those `used` (n, c).
+        """Return the rms distance of the output from a perfect model's, of the readings `used` (n, c).
 
         Examples
         --------
@@ -115,10 +116,23 @@ class Recording(RecordingViews):
         >>> load_dataset("datasets/spring_bench/rig.toml").train[0].recording.noise_floor()  # m
         5e-05
         """
-        rows = (np.isfinite(self.output) if used is None else used).any(axis=1)
+        rows, own = (np.isfinite(self.output) if used is None else used).any(axis=1), self.judged
         if self.jitter == 0.0 or not rows.any():
-            return float(np.linalg.norm(self.noise))
-        return float(np.sqrt(np.square(self.scatter[rows]).sum(axis=1).mean()))
+            return float(np.linalg.norm(self.noise[own]))
+        return float(np.sqrt(np.square(self.scatter[rows, own]).sum(axis=1).mean()))
+
+    @property
+    def judged(self) -> slice:
+        """Which channels are the output, of which errors are told; what else is read is only fitted."""
+        return judged_channels(self.channels)
+
+    @property
+    def worth(self) -> FloatArray:
+        """What an error of each channel counts in the unit of the output, shape (c,): as many noise sds of that."""
+        found = np.ones(len(self.channels))
+        beside = slice(self.judged.stop, None)
+        found[beside] = self.noise[0] / self.noise[beside]
+        return found
 
     @cached_property
     def steps(self) -> FloatArray:
@@ -195,14 +209,14 @@ def read_recording(
     jitter, late = timed(rig, found, noise, stated, bands, repeats)
     if rig.view is not None and found.inputs is not None:
         noise = viewed(rig, found, noise, flags)
-    missing = np.full(found.time.size, np.nan)
+    missing, read = np.full(found.time.size, np.nan), rig.columns.read
     return Recording(
         name=name or found.table.path.stem,
         time=found.time,
         input=found.inputs,
         output=np.column_stack([found.outputs.get(channel, missing) for channel in found.channels]),
         channels=found.channels,
-        units=tuple(ARM_STEMS[c] if rig.traits.has_rod else si_symbol(rig.columns.output.unit) for c in found.channels),
+        units=tuple(ARM_STEMS[c] if rig.traits.has_rod else si_symbol(read[c].unit) for c in found.channels),
         noise=np.array(noise),
         sha256=found.table.sha256,
         source=found.source,
@@ -247,7 +261,7 @@ def _own_period(rig: Rig) -> float | None:
 def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:
     """Noise of each channel from the rig; the camera sees the tip's angle from about one arm's length."""
     if not rig.traits.has_rod:
-        return [rig.columns.output.noise]
+        return [rig.columns.read[channel].noise for channel in channels]
     if rig.position_noise is None:
         return [None] * len(channels)
     assert rig.length is not None  # read_rig demands it of an arm

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from discovery.report.estimates import published
-from discovery.report.numbers import Scale, scale_for, significant, uncertain, unit_text
+from discovery.report.numbers import Scale, scale_for, scale_for_change, significant, uncertain, unit_text
 from discovery.report.results import Run
 from discovery.report.tables import Table
 from discovery.report.words import FITS, deflection_unit, effect_name, error_groups, error_scale
@@ -63,6 +63,23 @@ def errors_table(run: Run) -> Table:
     kind = f"{errors['holdout_kind']}, moving by {significant(errors['holdout_motion'])} times the noise"
     caption = f"Free-run errors: {what}. A perfect model would leave {floor} rms of what is held out: {kind}."
     return _side_by_side("errors", caption, rows, scale, of=("", "group"), unit=errors["unit"])
+
+
+def also_table(run: Run) -> Table | None:
+    """Return the errors of what is read beside the output; None where nothing is."""
+    found = run.loop["errors"].get("also")
+    if not found:
+        return None
+    head = ("read beside the output", "readings", "before, rms", "after, rms")
+    cells, raw = [], []
+    for also in found:
+        for group, name in (("train", "training"), ("holdout", "held out")):
+            sizes = [also[when][group]["rms"] for when in _WHEN]
+            scale = scale_for_change(also["unit"], *sizes)
+            cells.append([effect_name(also["name"]), name, *(scale.quantity(size) for size in sizes)])
+            raw.append([also["name"], group, *sizes, also["unit"]])
+    caption = "Free-run errors of what is read beside the output; they are fitted with it, each by its own noise."
+    return Table("also", caption, head, cells, ("name", "group", "before_rms", "after_rms", "unit"), raw)
 
 
 def scored_table(run: Run) -> Table | None:

@@ -19,6 +19,7 @@ from discovery.mechanics import get_base
 from discovery.mechanics.base import Base
 from discovery.mechanics.systems import know_system
 from discovery.posterior.inference_data import attributes, by_name
+from discovery.recordings.file_signals import judged_channels
 from discovery.results.manifest import check_whole
 from discovery.results.provenance import read_json
 from discovery.rigs.kinds import KINDS
@@ -61,11 +62,12 @@ class Trajectory:
             return within_half_a_turn(np.arctan2(reading[:, 1], reading[:, 0]) - self.input)
         if self.channels == ("tip_angle",) and self.input is not None:
             return reading[:, 0] - self.input
-        return reading[:, 0] if self.channels == ("output",) else None
+        return reading[:, 0] if self.channels[0] == "output" else None
 
     def distance(self, model: str) -> FloatArray:
-        """Return the distance between a model and the measurement at every sample, shape (n,)."""
-        return np.sqrt(np.sum((self.models[model] - self.measured) ** 2, axis=1))
+        """Return the distance between the outputs of a model and measured at every sample, shape (n,)."""
+        own = judged_channels(self.channels)
+        return np.sqrt(np.sum((self.models[model] - self.measured)[:, own] ** 2, axis=1))
 
 
 @dataclass(frozen=True)

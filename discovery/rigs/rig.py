@@ -73,6 +73,7 @@ class Columns:
     """The columns of a recording; ``header`` names those of a text file that has no line of names.
 
     Of the rows, one in ``every`` is used: a signal that changes little from row to row tells no more with all of them.
+    ``also`` holds by name what a declared system reads beside its output.
     """
 
     time: TimeColumn
@@ -80,6 +81,12 @@ class Columns:
     output: OutputColumn
     header: tuple[str, ...] | None = None
     every: int = 1
+    also: Mapping[str, OutputColumn] = field(default_factory=dict)
+
+    @property
+    def read(self) -> dict[str, OutputColumn]:
+        """What is read, by the name of its channel: the output, and what is read beside it."""
+        return {"output": self.output, **self.also}
 
     @property
     def turns_by_shift(self) -> bool:
@@ -212,7 +219,8 @@ class Rig:
 
     def with_noise_estimated(self) -> Rig:
         """Return the same rig without the noise that it states: that of each reading is estimated then."""
-        columns = replace(self.columns, output=replace(self.columns.output, noise=None))
+        read = {name: replace(column, noise=None) for name, column in self.columns.read.items()}
+        columns = replace(self.columns, output=read.pop("output"), also=read)
         return replace(self, columns=columns, position_noise=None)
 
     def counted_from(self, zero: float) -> Rig:

@@ -86,7 +86,23 @@ class InputTable(Table):
     scale: _Scale = 1.0
 
 
-class OutputTable(Table):
+class AlsoTable(Table):
+    """A column that is read beside the output of a `system`, declared under the name that its equation has there."""
+
+    name: Text = Field(description="Column of the readings.")
+    unit: Text = Field(description="Unit of the readings, after `zero` and `scale`; `1` for a pure number.")
+    noise: _Positive | Literal["estimate"] | None = Field(
+        default=None,
+        description="Standard deviation of one reading, in `unit`. Left out, or with `estimate`, it is estimated "
+        "from the scatter from reading to reading.",
+    )
+    zero: FiniteFloat = Field(
+        default=0.0, description="What the column reads at zero: a reading r counts as `scale * (r - zero)`."
+    )
+    scale: _Scale = 1.0
+
+
+class OutputTable(AlsoTable):
     """The column of the output."""
 
     name: Text = Field(description="Column of the output.")
@@ -95,21 +111,11 @@ class OutputTable(Table):
         "a `pendulum` has an angle, a `falling_body` a length, an accelerometer `m/s^2` or `g_0`, the standard gravity "
         "of 9.80665 m/s^2 (`mg_0` is a thousandth; `g` is the gram, and refused)."
     )
-    noise: _Positive | Literal["estimate"] | None = Field(
-        default=None,
-        description="Standard deviation of one reading, in `unit`. Left out, or with `estimate`, it is estimated "
-        "from the scatter from reading to reading.",
-    )
     reads: Literal["position", "acceleration"] = Field(
         default="position",
         description="Whether the coordinate is read, or its second derivative, as an accelerometer does. In a "
         "`system` its own `output` says what is read.",
     )
-    zero: FiniteFloat = Field(
-        default=0.0,
-        description="What the column reads at an output of zero: a reading r counts as `scale * (r - zero)`.",
-    )
-    scale: _Scale = 1.0
 
 
 class ColumnsTable(Table):
@@ -127,6 +133,9 @@ class ColumnsTable(Table):
         "`falling_body` has none, and a `system` has it where its equations do.",
     )
     output: OutputTable = Field(description="What the instrument read.")
+    also: Annotated[dict[str, AlsoTable], Field(min_length=1)] | None = Field(
+        default=None, description="What is read beside the output, by the names of `also` in `[system]`."
+    )
     every: Annotated[int, Field(ge=1)] = Field(
         default=1, description="One row in so many is used, counted after `where` and `samples` have chosen theirs."
     )

@@ -7,7 +7,7 @@ from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
 from discovery.rigs.rig_mistakes import RigText
-from discovery.rigs.rig_schema import ColumnsTable, RigTable
+from discovery.rigs.rig_schema import AlsoTable, ColumnsTable, RigTable
 
 #: What a unit of an output certainly measures, by a unit of it; an angle is told from a pure number.
 _MEASURED = {
@@ -47,6 +47,11 @@ def check_tables(file: RigText, table: RigTable) -> None:
         )
     if kind.needs_input is False and columns.input is not None:
         raise InputError(f"{file.at('columns', 'input')}, declares an input, but {called} has none. Remove it.")
+    if columns.also and not kind.has_own_equations:
+        raise InputError(
+            f"{file.at('columns', 'also')}: {called} has one output. What is read beside it has an equation in a table "
+            '[system], of the kind "system". Remove it, or declare the system there.'
+        )
     _check_loop_and_view(file, table, called)
     if table.model is not None and not table.model.effects and not kind.may_be_bare:
         raise InputError(
@@ -72,7 +77,8 @@ def _check_loop_and_view(file: RigText, table: RigTable, called: str) -> None:
 
 
 def _check_header(file: RigText, columns: ColumnsTable) -> None:
-    named = [columns.time.name, columns.input and columns.input.name, columns.output.name]
+    also = (column.name for column in (columns.also or {}).values())
+    named = [columns.time.name, columns.input and columns.input.name, columns.output.name, *also]
     for missing in (name for name in named if name and columns.header is not None and name not in columns.header):
         raise InputError(
             f"{file.at('columns', 'header')}: the header does not name the "
@@ -102,7 +108,6 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
     if columns.input is not None:
         _factor(file, "input", columns.input.unit)
     _check_header(file, columns)
-    noise = None if columns.output.noise == "estimate" else columns.output.noise
     given = columns.input.model_dump() if columns.input else {}
     if given and given["interpolation"] is None:
         given["interpolation"] = "spline" if table.view else kind.interpolation
@@ -117,13 +122,20 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
             time.name, time.unit, time.rate_hz, time.assumed, None if time.jitter is None else time.jitter * second
         ),
         input=InputColumn(**given) if given else None,
-        output=OutputColumn(**columns.output.model_dump() | {"noise": None if noise is None else noise * scale}),
+        output=_read(columns.output, scale),
         header=None if columns.header is None else tuple(columns.header),
         every=columns.every,
+        also={name: _read(column, _factor(file, name, column.unit)) for name, column in (columns.also or {}).items()},
     )
     if kind.shaken and found.input is not None and not found.turns_by_shift:
         _refuse_unlike(file, found.input.unit, found.output.unit)
     return found
+
+
+def _read(column: AlsoTable, scale: float) -> OutputColumn:
+    """Return a column of readings whose unit is so many of the SI one, its noise in SI units."""
+    noise = column.noise * scale if isinstance(column.noise, float) else None
+    return OutputColumn(**column.model_dump() | {"noise": noise})
 
 
 def _check_read(file: RigText, table: RigTable, columns: ColumnsTable) -> None:

@@ -19,6 +19,7 @@ from discovery.declarations.system import Constant, SystemDeclaration
 from discovery.declarations.unit_suffixes import named_unit
 from discovery.declarations.units import dimension, homogeneous, mistaken_for, si_factor, si_symbol
 from discovery.foundation.errors import InputError, suggestion
+from discovery.mechanics.declared_equations import Equations
 from discovery.mechanics.systems import system_base
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import Columns
@@ -34,6 +35,8 @@ _INTERNAL = (
     *("largest", "age", "drive", "parameters", "math", "np", "run"),
 )
 _Refuse = Callable[[str, str], InputError]
+#: Names of the other signals of a recording.
+_SIGNALS = ("time", "input", "output", "added")
 _NEEDED = ("coordinates", "kinetic", "output", "places")
 
 
@@ -67,7 +70,7 @@ def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
         return None
     refuse = _refusal(file)
     whole = _whole(given, refuse)
-    for name in ("coordinates", "constants", "places", "input"):
+    for name in ("coordinates", "constants", "places", "input", "also"):
         for word in getattr(whole, name) or {}:
             if not _is_word(word):
                 raise refuse(
@@ -89,7 +92,7 @@ def system_of(file: RigText, table: RigTable) -> SystemDeclaration | None:
     except InputError as error:
         where = re.match(r"key '([\w.]+)': ", str(error))
         raise refuse(where[1] if where else "", str(error)[where.end() if where else 0 :]) from error
-    _check_columns(table, declaration, base.equations.output_unit, refuse)
+    _check_columns(table, declaration, base.equations, refuse)
     return declaration
 
 
@@ -150,6 +153,7 @@ def _declaration(name: str, whole: SystemTable, refuse: _Refuse) -> SystemDeclar
         input=next(((n, _unit(u, "input", refuse)) for n, u in (whole.input or {}).items()), None),
         output=whole.output or "",
         places=whole.places or {},
+        also=whole.also or {},
     )
 
 
@@ -201,15 +205,22 @@ def _constant(given: ConstantTable, key: str, refuse: _Refuse) -> Constant:
     return Constant(unit, value * factor, None if given.sd is None else given.sd * factor, given.guess is not None)
 
 
-def _check_columns(table: RigTable, declaration: SystemDeclaration, output: str, refuse: _Refuse) -> None:
-    """Refuse columns that hold something else than input and output of the system."""
+def _check_columns(table: RigTable, declaration: SystemDeclaration, equations: Equations, refuse: _Refuse) -> None:
+    """Refuse columns that hold something else than input and output of the system, and what is read beside it."""
     columns = table.columns
     if columns is None:
         raise refuse("", "there is no table [columns]. Declare time, output, and the input if there is one.")
     if (columns.input is None) != (declaration.input is None):
         word = "lacks" if columns.input is None else "has"
         raise refuse("input", f"[columns] {word} an input, unlike the system. Declare it in both, or in neither.")
-    pairs = [("output", columns.output.unit, output)]
+    read = columns.also or {}
+    if odd := next(iter({*read} ^ {*declaration.also}), None):
+        word = "lacks" if odd in declaration.also else "has"
+        raise refuse(f"also.{odd}", f"[columns.also] {word} it, unlike the system. Declare it in both, or in neither.")
+    if taken := next((name for name in read if name in _SIGNALS), None):
+        raise refuse(f"also.{taken}", f"{taken!r} is the name of another signal. Choose another one.")
+    pairs = [("output", columns.output.unit, equations.output_unit)]
+    pairs += [(f"also.{name}", column.unit, equations.also[name][1]) for name, column in read.items()]
     if columns.input is not None and declaration.input is not None:
         pairs.append(("input", columns.input.unit, declaration.input[1]))
     for name, unit, wanted in pairs:

@@ -70,6 +70,11 @@ class SystemTable(Table):
         default=None,
         description="What the instrument reads: a coordinate, `dot(x)`, `ddot(x)`, or an expression of them.",
     )
+    also: Annotated[dict[str, Text], Field(min_length=1, max_length=3)] | None = Field(
+        default=None,
+        description="What is read beside the output, by name: an expression as `output` is one. The column of each is "
+        "declared under the same name in `[columns.also]`. Errors are told of the output, and fitted of all.",
+    )
     places: Annotated[dict[str, Text], Field(min_length=1, max_length=6)] | None = Field(
         default=None,
         description="Where effects may act: names, each with the coordinate or expression that moves there.",

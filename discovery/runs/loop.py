@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -15,10 +14,9 @@ from discovery.estimation.generalised import fitted_to_all, without_bent
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.input_choice import choose_interpolation
 from discovery.estimation.natural_units import natural_units
-from discovery.estimation.residual import errors, examine, variance_left
+from discovery.estimation.residual import examine, variance_left
 from discovery.estimation.step import error_unit
 from discovery.foundation.arguments import check_seed, expect
-from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.progress import Course, Tell, teller
 from discovery.foundation.workers import at_once, single_algebra
@@ -30,6 +28,7 @@ from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
 from discovery.recordings.rounding import resolution
 from discovery.runs.around_search import contradiction_of, in_its_units, separations, sought
+from discovery.runs.loop_errors import loop_errors
 from discovery.runs.loop_result import LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender, contenders
@@ -95,7 +94,8 @@ def close_loop(
     check_seed(settings.seed if seed is None else seed)
     course = Course(teller(progress))
     settings = settings if seed is None else replace(settings, seed=seed)
-    least = min(float(e.recording.noise.min()) for e in (*train, *holdout)) / error_unit(train, units)
+    noises = [float(e.recording.noise[e.recording.judged].min()) for e in (*train, *holdout)]
+    least = min(noises) / error_unit(train, units)
     rounding = _rounding(train, holdout)
     settings = replace(
         settings,
@@ -254,7 +254,7 @@ def _result(
         before=before[0],
         after=after[0],
         steps=(*steps, *search.decisions),
-        errors=_errors(context, on_train, held),
+        errors=loop_errors(context, on_train, held),
         model_error=ModelErrorReport.of(context, search.root, before[1], after[1], reports["after"]),
         lead=lead,
         residual_before=reports["before"],
@@ -263,20 +263,3 @@ def _result(
         complete=complete,
         recordings=tuple(e.recording for e in (*train, *judge.separate)),
     )
-
-
-def _errors(
-    context: Context, on_train: Mapping[str, list[FloatArray]], held: Mapping[str, list[FloatArray]]
-) -> dict[str, Any]:
-    """Return the errors before and after, with their unit, the noise floor, and what kind of hold-out there is."""
-    train, judge = context.train, context.judge
-    measured = np.concatenate([e.recording.output[e.fitted] for e in train])
-    fitted = {w: np.concatenate([p[e.fitted] for e, p in zip(train, on_train[w], strict=True)]) for w in on_train}
-    return {
-        "unit": train[0].recording.units[0],
-        "noise_floor": judge.noise_floor,
-        "holdout_kind": judge.kind,
-        "holdout_motion": judge.motion,
-        "holdout_scatter": judge.scatter,
-        **{w: {"train": errors(fitted[w], measured), **judge.errors(held[w])} for w in on_train},
-    }

@@ -108,7 +108,10 @@ def save_prediction(
 
     columns: dict[str, FloatArray] = {"time_s": experiment.recording.time + experiment.rig.columns.time.zero}
     spreads: dict[str, FloatArray] = {}
-    arm = experiment.system.has_rod
+    recording = experiment.recording
+    names, suffix = recording.channels, ""
+    if experiment.system.has_rod:
+        names, suffix = ("tip_x", "tip_y"), "_m"
     final, why = predict(after, experiment, initial), ""
     try:
         first = predict(before, experiment, initial)
@@ -116,14 +119,10 @@ def save_prediction(
         nothing, why = np.full_like(final[0], np.nan), str(failure)
         first = nothing, nothing
     for label, (value, told), error in zip(("before", "after"), (first, final), errors, strict=True):
-        sd = np.sqrt(told**2 + error**2)  # not a number where there is no prediction
-        if arm:
-            for k, axis in enumerate("xy"):
-                columns[f"tip_{axis}_{label}_m"] = value[:, k]
-                spreads[f"tip_{axis}_{label}_sd_m"] = sd[:, k]
-        else:
-            columns[f"output_{label}"] = value[:, 0]
-            spreads[f"output_{label}_sd"] = sd[:, 0]
+        sd = np.sqrt(told**2 + (error / recording.worth) ** 2)  # not a number where there is no prediction
+        for k, name in enumerate(names):
+            columns[f"{name}_{label}{suffix}"] = value[:, k]
+            spreads[f"{name}_{label}_sd{suffix}"] = sd[:, k]
     with atomic_write(path) as temporary:
         pd.DataFrame({**columns, **spreads}).to_csv(temporary, index=False, float_format="%.9g")
     return why

@@ -45,7 +45,7 @@ def noise_of(recordings: Sequence[Recording]) -> float:
 
     The quieter of them tell the more of it.
     """
-    weights = [float(r.noise.min()) ** -2 for r in recordings]
+    weights = [float(r.noise[r.judged].min()) ** -2 for r in recordings]
     return float(np.average(weights, weights=[r.time.size for r in recordings]) ** -0.5)
 
 
@@ -209,7 +209,7 @@ class LoopResult(LoopViews):
         if self.added:
             found.append(caution.not_carried(self.errors))
         if not self.complete and not self.impossible:
-            noise = float(min(r.noise.min() for r in self.recordings))
+            noise = float(min(r.noise[r.judged].min() for r in self.recordings))
             sizes = {"left": error.after, "held": error.held, "noise": noise}
             alike = caution.like_noise(self.residual_after, error.depends_on, self.errors, **sizes)
             found.append(erring_stamps(self._left(trained=True)) or caution.burst(self.after) or alike)

@@ -17,7 +17,7 @@ _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_def
 
 def channel_name(run: Run, channel: str) -> str:
     """Return a recorded channel in the words of a reader."""
-    return _NAMES.get(channel, run.output_name)
+    return run.output_name if channel == "output" else _NAMES.get(channel, channel.replace("_", " "))
 
 
 def shown_scale(trajectory: Trajectory, channel: int, coordinate: str) -> Scale:
