@@ -159,7 +159,7 @@ def _path(path: str, key: str) -> str:
     """Return the name of an inner table."""
     if path == "records":
         return _RECORDING
-    return f"{path}.{key}{'.NAME' if key == 'constants' else ''}" if path else key
+    return f"{path}.{key}{'.NAME' if key in ('constants', 'also') else ''}" if path else key
 
 
 def _sections(schema: _Schema, table: _Schema, path: str = "") -> list[str]:

@@ -90,8 +90,9 @@ def read_equations(declaration: SystemDeclaration) -> Equations:
 def is_moved_by_input(equations: Equations) -> bool:
     """Return whether derivatives of the input are needed: it is a motion then."""
     e = equations
-    places, read = ([p for p, _ in each.values()] for each in (e.places, e.also))
-    used = sp.Tuple(e.kinetic, e.potential, e.dissipation, *e.forces, e.output, *read, *places).free_symbols
+    places, also = ([law for law, _ in each.values()] for each in (e.places, e.also))
+    energies = (e.kinetic, e.potential, e.dissipation)
+    used = sp.Tuple(*energies, *e.forces, e.output, *also, *places).free_symbols
     stored = sp.Tuple(e.kinetic, *places).free_symbols
     return bool(used & {s.omega_m, s.alpha_m} or s.theta_m in stored)
 

@@ -185,10 +185,15 @@ def side_label(quantity: str, unit: str) -> str:
 
 
 def quantity_label(name: str, unit: str = "") -> str:
-    """Return an axis label of a sampled quantity such as ``tau_v`` or ``sigma[tip_angle]``, with its unit."""
+    r"""Return an axis label of a sampled quantity such as ``tau_v`` or ``sigma[tip_angle]``, with its unit.
+
+    >>> quantity_label("f_c_track", "N"), quantity_label("sigma[tip_angle]")
+    ('f$_{\\mathrm{c\\ track}}$ [N]', 'σ tip angle')
+    """
     symbol, _, part = name.partition("[")
     head, _, tail = symbol.partition("_")
-    text = GREEK.get(head, head) + (f"$_{{\\mathrm{{{GREEK.get(tail, tail)}}}}}$" if tail else "")
+    below = GREEK.get(tail, tail).replace("_", r"\ ")
+    text = GREEK.get(head, head) + (f"$_{{\\mathrm{{{below}}}}}$" if tail else "")
     return label(f"{text} {part.rstrip(']').replace('_', ' ')}".strip(), unit)
 
 

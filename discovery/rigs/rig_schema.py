@@ -133,8 +133,8 @@ class ColumnsTable(Table):
         "`falling_body` has none, and a `system` has it where its equations do.",
     )
     output: OutputTable = Field(description="What the instrument read.")
-    also: Annotated[dict[str, AlsoTable], Field(min_length=1)] | None = Field(
-        default=None, description="What is read beside the output, by the names of `also` in `[system]`."
+    also: dict[str, AlsoTable] = Field(
+        default={}, description="What is read beside the output of a `system`, by the names of its own `also`."
     )
     every: Annotated[int, Field(ge=1)] = Field(
         default=1, description="One row in so many is used, counted after `where` and `samples` have chosen theirs."

@@ -77,7 +77,7 @@ def _check_loop_and_view(file: RigText, table: RigTable, called: str) -> None:
 
 
 def _check_header(file: RigText, columns: ColumnsTable) -> None:
-    also = (column.name for column in (columns.also or {}).values())
+    also = (column.name for column in columns.also.values())
     named = [columns.time.name, columns.input and columns.input.name, columns.output.name, *also]
     for missing in (name for name in named if name and columns.header is not None and name not in columns.header):
         raise InputError(
@@ -125,7 +125,7 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
         output=_read(columns.output, scale),
         header=None if columns.header is None else tuple(columns.header),
         every=columns.every,
-        also={name: _read(column, _factor(file, name, column.unit)) for name, column in (columns.also or {}).items()},
+        also={name: _read(column, _factor(file, name, column.unit)) for name, column in columns.also.items()},
     )
     if kind.shaken and found.input is not None and not found.turns_by_shift:
         _refuse_unlike(file, found.input.unit, found.output.unit)

@@ -213,7 +213,7 @@ def _check_columns(table: RigTable, declaration: SystemDeclaration, equations: E
     if (columns.input is None) != (declaration.input is None):
         word = "lacks" if columns.input is None else "has"
         raise refuse("input", f"[columns] {word} an input, unlike the system. Declare it in both, or in neither.")
-    read = columns.also or {}
+    read = columns.also
     if odd := next(iter({*read} ^ {*declaration.also}), None):
         word = "lacks" if odd in declaration.also else "has"
         raise refuse(f"also.{odd}", f"[columns.also] {word} it, unlike the system. Declare it in both, or in neither.")
