@@ -18,6 +18,7 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.foundation.errors import ComputationError
+from discovery.runs.lead import strongest_lead
 from discovery.runs.loop import _searching
 from discovery.screening.refits import finish, settle
 from discovery.selection.contender import Contender, contenders
@@ -29,7 +30,7 @@ from discovery.selection.odds import Odds, _against, odds_of
 from discovery.selection.offers import Offers, simplest_first
 from discovery.selection.search import Search
 from discovery.selection.settings import Budget, LoopSettings
-from discovery.selection.verdict import is_complete, named, strongest_lead, verdict_of
+from discovery.selection.verdict import is_complete, named, verdict_of
 
 
 def context(seed: int = 0, settings: LoopSettings | None = None, **effects: float) -> Context:
@@ -174,7 +175,7 @@ def test_what_nothing_explains_stays_unexplained_with_its_strongest_lead() -> No
     search.run()
     assert search.best.added == ()
     assert verdict_of((), (), complete=is_complete(search.best, search.root, shared)) == "unexplained"
-    lead = strongest_lead(search)
+    lead = strongest_lead(search, {n.effect: n for n in named(search)})
     assert lead is None or lead.code in ("training", "held_out", "size", "chance", "finite", "unknown")
 
 
@@ -183,7 +184,7 @@ def test_what_was_refused_and_is_named_since_is_no_lead(monkeypatch: pytest.Monk
     search = searched(beta=1.0, f_c=0.02)
     effects, numbers = tuple(e for e in (search.best.added[0], beside) if e), {"train": 60.0, "held": 40.0, "odds": 3.0}
     monkeypatch.setattr(search, "decisions", [Decision("add", effects, False, "chance", numbers)])
-    lead = strongest_lead(search)
+    lead = strongest_lead(search, {n.effect: n for n in named(search)})
     assert (lead and lead.effects) == (effects if beside else None)
 
 
@@ -206,11 +207,11 @@ def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatc
         ([one, added, pair := told("add", "one", "two", 1.6)], pair),
     ):
         monkeypatch.setattr(search, "decisions", decisions)
-        lead = strongest_lead(search)
+        lead = strongest_lead(search, {n.effect: n for n in named(search)})
         assert lead is not None
         assert lead.effects == expected.effects
     monkeypatch.setattr(search, "decisions", [added])
-    assert strongest_lead(search) is None
+    assert strongest_lead(search, {n.effect: n for n in named(search)}) is None
 
 
 def test_estimates_have_the_truth_within_their_intervals() -> None:

@@ -83,8 +83,9 @@ def verdict_sentence(loop: Record) -> str:
         return f"the model error {moves} from {before} to {after} {unit}, which {as_none(error)}"
     if any(step["code"] == "impossible" for step in loop.get("steps", ())):
         return f"{_REASONS['impossible']({})}, so nothing was searched"
-    part = f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else ""
-    part += held_words(error)
+    part = (f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else "") + held_words(
+        error
+    )
     if loop["verdict"] == "partly_explained":
         return f"what is left is a model error of {after} {unit}{part}{depends_words(error)}"
     rest = f"and no effect is likely enough to be named{depends_words(error)}"
@@ -118,8 +119,8 @@ def effect_sentence(effect: Record) -> str:
     words += f", {inclusion_words(effect)}"
     if not effect.get("may_stand_for_unknown"):
         return words
-    more = _nats(effect["evidence"]["force_instead"])
-    return f"{words}; an unknown force, smooth in position and rate, explains {more} more in its place"
+    more = plain(effect["evidence"]["force_instead"])
+    return f"{words}; an unknown force, smooth in position and rate, explains {more} nats more in its place"
 
 
 def doubts_answer(code: str, *, complete: bool, named: Sequence[float | None]) -> bool:
@@ -135,10 +136,12 @@ def decision_sentence(step: Record) -> str:
         return _mechanics(numbers.get("odds"), accepted=step["accepted"])
     if step["action"] == "exchange":
         old, new = effect_name(step["effects"][0]), listed([effect_name(e) for e in step["effects"][1:]])
+        several = len(step["effects"]) > 2
         if code == "contained":
-            return f"{new if len(step['effects']) == 2 else 'what was added'} contains {old}"
+            return f"{'what was added' if several else new} contains {old}"
         if code != "accepted":
-            return f"{old} contains {new}, and has too little beyond it: {_REASONS[code](numbers)}"
+            two = f"{new} do as well as {old}, which is another number in every recording"
+            return two if several else f"{old} contains {new}, and has too little beyond it: {_REASONS[code](numbers)}"
         return f"with {new} in the place of {old} the log evidence is {plain(numbers['odds'])} nats higher"
     return _REASONS[code](numbers)
 
@@ -223,7 +226,7 @@ def _mechanics(gain: float | None, *, accepted: bool) -> str:
     if gain is None:
         return "the motion blows up on the simpler mechanics" if accepted else "the motion blows up on them"
     more = "only " if gain > 0 and not accepted else ""
-    return f"the log evidence is {more}{_nats(abs(gain))} {'higher' if gain > 0 else 'lower'} on them"
+    return f"the log evidence is {more}{plain(abs(gain))} nats {'higher' if gain > 0 else 'lower'} on them"
 
 
 _NOTHING = 5e-3  # nats: two sets that miss a recording by more than it scatters predict it alike
@@ -242,10 +245,6 @@ def _both(numbers: Record) -> str:
     elif (numbers["train"] >= 0) == (numbers["held"] >= 0):
         held = plain(abs(numbers["held"]))
     return f"{train} nats in training and {held} held out"
-
-
-def _nats(value: float | None) -> str:
-    return f"{plain(value)} nats"
 
 
 AS_NONE = "nothing_missing", "explained"  #: Verdicts by which a model error counts as none.

@@ -98,7 +98,7 @@ def _after(model: Sequence[str], step: Mapping[str, Any]) -> list[str]:
     left = [e for e in model if e != effects[0]]
     if step["action"] == "exchange":
         # What was added beside a declared loss goes with it.
-        return [*left, effects[1]] if effects[0] in model else effects[1:]
+        return [*left, *effects[1:]] if effects[0] in model else effects[1:]
     return left
 
 
@@ -111,9 +111,9 @@ def fate(run: Run, effects: Sequence[str]) -> str:
     """Return what became of effects that were added once, as the end of a clause; empty if they are in the model."""
     if named(run, effects):
         return ""
-    exchanged = {s["effects"][0]: s["effects"][1] for s in run.loop["steps"] if s["action"] == "exchange"}
-    if len(effects) == 1 and (new := exchanged.get(effects[0])) and named(run, [new]):
-        return f", later exchanged for {effect_name(new)}"
+    exchanged = {s["effects"][0]: s["effects"][1:] for s in run.loop["steps"] if s["action"] == "exchange"}
+    if len(effects) == 1 and (new := exchanged.get(effects[0])) and named(run, new):
+        return f", later exchanged for {listed(map(effect_name, new))}"
     return ", later dropped"
 
 
@@ -124,7 +124,7 @@ def steps(run: Run) -> list[dict[str, Any]]:
     for step in run.loop["steps"]:
         head, yes, no = _WORDS[step["action"]]
         effects = [effect_name(e) for e in step["effects"]]
-        what = " for ".join(effects) if step["action"] == "exchange" else listed(effects)
+        what = f"{effects[0]} for {listed(effects[1:])}" if step["action"] == "exchange" else listed(effects)
         titles = [effect_title(e) for e in step["effects"]] if step["action"] in ("mechanics", "add") else []
         told = {
             "head": f"{head}: {what}" if what else head,

@@ -28,6 +28,7 @@ from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
 from discovery.recordings.rounding import resolution
 from discovery.runs.around_search import contradiction_of, in_its_units, separations, sought
+from discovery.runs.lead import strongest_lead
 from discovery.runs.loop_errors import loop_errors
 from discovery.runs.loop_result import LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
@@ -37,7 +38,7 @@ from discovery.selection.decision import Decision
 from discovery.selection.final import finished, settled
 from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
-from discovery.selection.verdict import Named, is_complete, named, strongest_lead, verdict_of
+from discovery.selection.verdict import Named, is_complete, named, verdict_of
 from discovery.simulation.simulate import THREADS
 
 #: The exact arm on which effects are searched.
@@ -245,7 +246,7 @@ def _result(
     held = {when: judge.held(f, on_train[when]) for when, f in fits.items()}
     reports = {when: examine(train, p, context.period) for when, p in on_train.items()}
     verdict = verdict_of(search.best.added, geometry, complete=complete)
-    lead = None if complete else strongest_lead(search)
+    lead = None if complete else strongest_lead(search, found)
     return LoopResult(
         verdict=verdict,
         declared=before[0].model.effects,

@@ -60,10 +60,15 @@ class Neighbours:
         return next((c for c in led if c.evidence.train > least), self.root)
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
-        """Return the sets with another effect in the place of a member, the most likely first."""
+        """Return the sets with another effect in the place of a member, the most likely first.
+
+        What is another number in every recording may stand for two laws: the one that it contains, and a plain one.
+        """
         smaller, own = self.without(found, effect), frozenset(found.added)
         offered = self.offers.beside(smaller) if self.affords(smaller) else []
-        others = [c for c in offered if frozenset(c.added) != own and np.isfinite(c.joint) and not c.strays(found)]
+        for c in self.within(found, effect) if get_effect(effect).own() else ():
+            offered = [*offered, *(plain(self.offers.beside(c)) if self.affords(c) else ())]
+        others = [c for c in offered if not own <= frozenset(c.added) and np.isfinite(c.joint) and not c.strays(found)]
         return sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
 
     def within(self, found: Contender, effect: str) -> list[Contender]:

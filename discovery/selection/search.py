@@ -132,8 +132,8 @@ class Search:
             for simpler in (c for c in others if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
                 if code != "accepted" and odds.held <= most and self._judged(simpler, rest)[1] == "accepted":
-                    (new,) = near.intersection(simpler.added)
-                    self.decisions.append(Decision("exchange", (effect, new), True, code, odds.numbers))
+                    new = (e for e in simpler.added if e not in self.best.added)
+                    self.decisions.append(Decision("exchange", (effect, *new), True, code, odds.numbers))
                     self.best = simpler
                     break
         return self.best is not before

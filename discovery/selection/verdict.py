@@ -11,7 +11,6 @@ from discovery.declarations.registry import get_effect
 from discovery.estimation.log_evidence import NOISIER
 from discovery.selection.contender import Contender
 from discovery.selection.context import Context
-from discovery.selection.decision import Decision
 from discovery.selection.odds import Odds, between_rivals, odds_of
 from discovery.selection.search import Search
 
@@ -96,7 +95,7 @@ def named(search: Search) -> list[Named]:
         weights = {c: float(np.exp(-max(behind[c], 0.0))) for c in others}
         total = 1.0 + float(np.exp(-max(odds.total, 0.0))) + sum(weights.values())
         group = [c for c in others if behind[c] < settings.nats]
-        names = tuple(next(e for e in c.added if e not in smaller.added) for c in group)
+        names = tuple([e for e in c.added if e not in smaller.added][-1] for c in group)
         shared = 1.0 + sum(weights[c] for c in group)
         force, doubtful = {}, False
         if search.unknown is not None and effect in search.unknown.kept:
@@ -105,27 +104,3 @@ def named(search: Search) -> list[Named]:
             doubtful = bool(instead > settings.nats > kept)
         found.append(Named(effect, odds, 1.0 / total, shared / total, names, tuple(group), force, doubtful))
     return found
-
-
-def strongest_lead(search: Search) -> Decision | None:
-    """Return what was refused beside the set found, or taken out of it, with the highest odds; None without any.
-
-    Of a pair, a member with odds that are as good as those of both is told alone.
-    """
-    told, changes = search.decisions, ("add", "exchange", "mechanics")
-    made = max((i for i, d in enumerate(told) if d.accepted and d.action in changes), default=-1)
-    # What gains and moves nothing is a change of Occam's factor.
-    gains = [i for i, d in enumerate(told) if d.numbers.get("train", 0) > 0 < d.numbers.get("size", 1)]
-    weighed = (i for i in gains if told[i].accepted == (told[i].action == "remove"))
-    left = [i for i in weighed if {*told[i].effects} - {*search.best.added}]
-    # A force of no law, whose size is not weighed, leads where no law explains as much.
-    gained = {i: told[i].numbers["train"] + min(told[i].numbers["held"], 0.0) for i in left if i > made}
-    left = [i for i in left if told[i].code != "unknown" or i not in gained or gained[i] >= max(gained.values())]
-    # What was refused before the last change was refused beside another set.
-    odds = {i: told[i].numbers["odds"] for i in left}
-    best = max(left, key=lambda i: (i > made, odds[i]), default=None)
-    if best is None:
-        return None
-    near = [i for i in left if (i > made) == (best > made) and odds[i] > odds[best] - search.context.settings.nats]
-    smaller = [i for i in near if {*told[i].effects} < {*told[best].effects}]
-    return told[max(smaller, key=lambda i: odds[i], default=best)]
