@@ -594,7 +594,7 @@ def test_a_loop_says_its_cautions() -> None:
     beyond = {"after": after, "noise_floor": 1.0, "unit": "m", "holdout_scatter": 9.0}
     found = missed(beyond, left=0.0, held=0.0, least=1.0)
     (doubt,) = doubts(answer(cautions=[found]), SimpleNamespace(rig=SimpleNamespace(unfilled=())))
-    assert doubt.startswith("the model explains the training recordings to their noise and misses the held-out ones")
+    assert doubt.startswith("the model explains the training recordings to 1 m (rms) and misses the held-out ones")
 
 
 def test_a_loop_tells_decisions_that_doubt_its_answer() -> None:

@@ -490,6 +490,12 @@ def test_what_falls_is_driven_by_nothing_else(tmp_path: Path) -> None:
     assert drafted(path)["kind"] == "falling_body"
 
 
+def test_a_height_that_swings_is_that_of_a_bob_on_a_spring(tmp_path: Path) -> None:
+    time = np.arange(600) / 50
+    height = 0.09 * np.exp(-0.05 * time) * np.cos(6.0 * time)
+    assert drafted(written(tmp_path, "a.csv", "t_s,height_m", time, height))["kind"] == "oscillator"
+
+
 def test_what_turns_back_beyond_half_a_turn_hangs_on_a_spring(tmp_path: Path) -> None:
     found = drafted(written(tmp_path, "wheel.csv", "time_s,angle_rad", TIME, 4.5 * SWING))
     assert (found["kind"], found["model"]["effects"]) == ("oscillator", ["viscous_damping", "linear_stiffness"])

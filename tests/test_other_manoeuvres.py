@@ -153,7 +153,7 @@ def test_the_sentences_say_what_to_do() -> None:
         said = separation_sentence(which().summary() | {"decides": False})
         assert "rad/s" not in said
         assert re.search(r"s, output up to [\d.e-]+ [mV], a tenth beyond what was recorded", said)
-    record = release().summary() | {"decides": True}
+    record = release().summary() | {"decides": False}
     no_better = record | {"given": {**record["given"], "projected": 2 * record["designed"]["projected"]}}
     assert "apart better than the given recordings" in separation_sentence(no_better)
     started = separation_sentence(release().summary() | {"decides": True, "unit": "m/s"})

@@ -132,7 +132,7 @@ def doubts(result: LoopResult, dataset: Dataset) -> list[str]:
     decisions = [s for s in result.steps if doubts_answer(s.code, complete=result.complete, named=named)]
     return [
         *_unfilled(dataset),
-        *doubted(flags),
+        *doubted(flags, complete=result.complete),
         *misstated(flags),
         *(decision_sentence(step.summary()) for step in decisions),
         *(stand_in_sentence(effect, other.summary()) for effect, other in result.stand_ins.items()),

@@ -61,7 +61,8 @@ class Caution:
     about: str = ""
     effect: str = ""  # the effect that was added with the parameter; empty otherwise
     #: Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
-    #: `unit`, `ratio` (over the noise) and `beyond`, whether all of it moves farther than training, and where it is
+    #: `unit`, `ratio` (over the noise), the rms of training (`trained`), whether that counts as none (`explains`), the
+    #: `scatter` about the mean, and `beyond`, whether all of it moves farther than training, and where it is
     #: about a parameter `undetermined`, see `diagnosis.undetermined`: its `value`, `sd` and `unit`, whether it is a
     #: `constant` that a rig file may state, by how many `sds` it would move, which part of the error is `left` then; of
     #: a burst `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of stamps their
@@ -105,7 +106,8 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
     if not (rms > (SCATTERED if explains else _ELSEWHERE) * usual and (beyond or held > least)):
         return None
     numbers = {"rms": rms, "unit": errors["unit"], "ratio": rms / (floor if explains else usual), "beyond": beyond}
-    return Caution("missed", numbers={**numbers, "explains": explains, "scatter": errors["holdout_scatter"]})
+    numbers |= {"explains": explains, "trained": after["train"]["rms"], "scatter": errors["holdout_scatter"]}
+    return Caution("missed", numbers=numbers)
 
 
 def burst(fitted: Fit) -> Caution | None:

@@ -74,8 +74,9 @@ class Separation:
 
     @property
     def decides(self) -> bool:
-        """Whether the manoeuvre can be expected to tell the laws apart."""
-        return len(self.clusters) > 1 and self.designed.chi2 >= _DECIDES
+        """Whether the manoeuvre can be expected to tell the laws apart, and better than the given recordings do."""
+        better = self.designed.projected > self.given.projected
+        return len(self.clusters) > 1 and self.designed.chi2 >= _DECIDES and better
 
     def csv(self) -> str:
         """Return the table as a CSV file, an arm's with the columns ``time_s, motor_angle_rad``."""

@@ -68,7 +68,8 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         return Guess("drive", "a force is read, and the motion that takes it is given")
     if found.reads == "speed":
         return Guess("system", "a speed is read by a system in its own equations: docs/YOUR_SYSTEM.md")
-    if found.reads == "height" and found.input is None and unit == "m":
+    falls = found.reads == "height" and found.input is None and unit == "m"
+    if falls and swing_of([found]) is None:  # a bob on a spring has a height, too
         return Guess("falling_body", f"the output is a height, and {free}")
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")

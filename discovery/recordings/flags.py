@@ -81,14 +81,15 @@ def impossible(flags: Iterable[Flag]) -> bool:
     return any(flag.severity == IMPOSSIBLE for flag in flags)
 
 
-def doubted(flags: Mapping[str, Iterable[Flag]]) -> list[str]:
+def doubted(flags: Mapping[str, Iterable[Flag]], *, complete: bool = False) -> list[str]:
     """Return a sentence for each doubt that flags, by recording, tell of, with the numbers of the first recording.
 
-    A stated noise is none of them: `misstated` has it.
+    A stated noise is none of them: `misstated` has it. Nor is a mean that creeps where a `complete` model does.
     """
 
     def fault(flag: Flag) -> object | None:
-        if flag.severity not in ("doubt", IMPOSSIBLE) or flag.code in NOISE:
+        explained = flag.code in NOISE or (complete and flag.code == "mean_creeps")
+        if flag.severity not in ("doubt", IMPOSSIBLE) or explained:
             return None
         return flag.code, flag.numbers.get("likely"), flag.numbers.get("right")
 

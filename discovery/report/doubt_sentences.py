@@ -81,7 +81,8 @@ def _missed(found: Record) -> str:
     other = "the motion reach where training did not" if numbers["beyond"] else "training tell too little of the law"
     head, times = "misses the held-out recordings", "times as much as the training ones"
     if numbers["explains"]:
-        head = "explains the training recordings to their noise and misses the held-out ones"
+        trained = quoted(numbers["trained"], numbers["unit"])
+        head = f"explains the training recordings to {trained} (rms) and misses the held-out ones"
         times = "times their noise"
     if numbers["rms"] > numbers["scatter"]:
         scatter = quoted(numbers["scatter"], numbers["unit"])

@@ -43,19 +43,15 @@ def separation_sentence(found: Record) -> str:
         if len(names) > 1
     ]
     if len(laws_of(found)) > 1:
-        said.append(_promise(found) if found["decides"] else _undecided(found))
+        given, designed = found["given"], found["designed"]
+        hidden = designed["projected"] <= given["projected"] and designed["chi2"] >= found["decides_from"]
+        said.append(_promise(found) if found["decides"] else _hidden(found) if hidden else _undecided(found))
     return " ".join(said)
 
 
 def _promise(found: Record) -> str:
-    """Return what to do to tell laws apart, and what it promises, or that it promises no more than the recordings."""
+    """Return what to do to tell laws apart, and what it promises."""
     given, designed = found["given"]["projected"], found["designed"]
-    if designed["projected"] <= given:
-        return (
-            f"Of {found['evaluations']} manoeuvres tried none tells {', '.join(laws_apart(found))} apart better than "
-            f"the given recordings ({figures(designed['projected'], 2)} noise sds rms, {figures(given, 2)} on these): "
-            "the model error that is left hides it."
-        )
     hidden = ", where the model error that is left hides it" if given > _SEEN else ""
     now = f"{figures(given, 2)} on the given recordings{hidden}" if given > _ALIKE else "alike on the given recordings"
     return (
@@ -63,6 +59,15 @@ def _promise(found: Record) -> str:
         f"predictions then differ by {figures(designed['projected'], 2)} noise sds rms ({now}), "
         f"and the right one is expected to win by a chi-square of "
         f"{figures(designed['chi2'])}, the best of {found['evaluations']} manoeuvres tried."
+    )
+
+
+def _hidden(found: Record) -> str:
+    """Return that no manoeuvre tells laws apart better than the given recordings do."""
+    given, designed = (figures(found[k]["projected"], 2) for k in ("given", "designed"))
+    return (
+        f"Of {found['evaluations']} manoeuvres tried none tells {', '.join(laws_apart(found))} apart better than the "
+        f"given recordings ({designed} noise sds rms, {given} on these): the model error that is left hides it."
     )
 
 

@@ -69,7 +69,8 @@ class Neighbours:
         for c in self.within(found, effect) if get_effect(effect).own() else ():
             offered = [*offered, *(plain(self.offers.beside(c)) if self.affords(c) else ())]
         others = [c for c in offered if not own <= frozenset(c.added) and np.isfinite(c.joint) and not c.strays(found)]
-        return sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
+        likely = sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
+        return [c for i, c in enumerate(likely) if c.added[-1:] not in [before.added[-1:] for before in likely[:i]]]
 
     def within(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with a law that a member contains, from where that was fitted."""
