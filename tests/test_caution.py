@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -310,8 +311,14 @@ def test_of_two_constants_that_only_their_ratio_tells_the_one_that_moved_is_told
     rig = seen(tmp_path, mass="value = 1.3, sd = 0.02")
     text = rig.read_text(encoding="utf-8").replace("spring = { value = 40.0,", "spring = { value = 40.0, sd = 0.5,")
     rig.write_text(text, encoding="utf-8")
-    (told,) = close_loop(load_dataset(rig, [tmp_path / "a.csv"])).summary()["contradiction"]["contradictions"]
+    tested = close_loop(load_dataset(rig, [tmp_path / "a.csv"])).summary()["contradiction"]
+    (told,) = tested["contradictions"]
     assert (told["parameter"], told["overruled"]) == ("mass", True)
+    # 40 N/m over 1 kg is 52 over 1.3: which of them is wrong no recording tells.
+    (other,) = told["instead"]
+    assert other["name"] == "spring"
+    assert other["value"] == pytest.approx(52.0, rel=0.01)
+    assert re.search(r"overrule it, or spring = 5\d\.\d+ .* N m.* in its place", *contradiction_sentences(tested))
 
 
 @pytest.mark.parametrize("place", ["value = 0.0, sd = 0.02", "value = -0.005, sd = 0.02", "value = 1e-7, sd = 0.02"])

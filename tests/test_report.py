@@ -528,6 +528,7 @@ def test_a_contradiction_is_part_of_the_answer(tmp_path: Path) -> None:
     said = {
         "parameter": "alpha", "reconciling": ["base_compliance"], "tried": [tried], "sought": True, "gross": False,
         "overruled": None,
+        "instead": [],
     }  # fmt: skip
     results["loop"]["contradiction"] = {"checks": [check], "contradictions": [said]}
     (tmp_path / "results.json").write_text(json.dumps(results), encoding="utf-8")

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from discovery.diagnosis.other_constants import Instead, instead_of, stated_constants
 from discovery.diagnosis.reconciliation import WIDE, Reconciliation, reconcile
 from discovery.equations.lacking import candidates as possible
 from discovery.estimation.batch import fit_problems
@@ -118,8 +119,7 @@ def against_rig(fit: Fit) -> list[tuple[Check, Fit]]:
         ratio = rig.beam_mass.value / rig.tip_mass.value
         stated["mu"] = (ratio, ratio * spread, "the rig's masses")
     if rig.system is not None:
-        constants = {n: (c.value, c.sd) for n, c in rig.system.constants.items() if c.sd is not None}
-        stated = {n: (*own, "what the rig file states") for n, own in constants.items()}
+        stated = {n: (*own, "what the rig file states") for n, own in stated_constants(rig).items()}
     elif own := stated_inertia(first):
         name, mean, sd, units[name], key = own
         stated[name] = mean, sd, f"{key} of the rig file"
@@ -198,6 +198,7 @@ class Contradiction:
     sought: bool = True
     #: Of a constant of a declared system, whether the fit goes by the recordings and not by the rig file.
     overruled: bool | None = None
+    instead: tuple[Instead, ...] = ()  # others that may be off in its place
 
     @property
     def reconciling(self) -> tuple[str, ...]:
@@ -230,6 +231,7 @@ class ContradictionReport:
                     "tried": [r.summary() for r in c.tried],
                     "sought": c.sought,
                     "overruled": c.overruled,
+                    "instead": [asdict(other) for other in c.instead],
                 }
                 for c in self.contradictions
             ],
@@ -264,7 +266,8 @@ def check_contradictions(
         name, target = check.parameter, (check.predicted, check.predicted_sd)
         if not arm and name != "k_g":
             moved = abs(fit.values[name] - check.value) < abs(fit.values[name] - check.predicted)
-            contradictions.append(Contradiction(check, (), sought=False, overruled=moved))
+            others = instead_of(fit, name) if moved else ()
+            contradictions.append(Contradiction(check, (), sought=False, overruled=moved, instead=others))
             continue
         if arm:
             freed = _quicker(freed, bench, name, target[0], context)

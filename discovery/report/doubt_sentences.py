@@ -252,7 +252,9 @@ def _contradiction(found: Record, check: Record) -> str:
     )
     if found["overruled"] is not None:
         kept = "the fit keeps to what is stated, and added effects may make up for it"
-        return head + f"{'the recordings overrule it' if found['overruled'] else kept}. Is the rig file right?"
+        told = [f"{o['name']} = {estimate_text(o['value'], o['sd'], o['unit'])}" for o in found["instead"]]
+        other = f", or {' or '.join(told)} in its place, which fits as well" if told else ""
+        return head + f"{'the recordings overrule it' if found['overruled'] else kept}{other}. Is the rig file right?"
     if not found["sought"]:
         return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
     if not found["reconciling"]:
