@@ -181,7 +181,7 @@ def tried(trained: TrainedLaw, fit: Fit, judge: Judge) -> Patch:
             after = judge.error(values, trained.law)
             accepted = after <= (1 - MARGIN) * judge.before
             share = 1 - after / judge.before
-            reason = f"it removes {100 * share:.0f} % of the held-out error, {'at least' if accepted else 'less than'} "
+            reason = f"it removes {100 * share:.1f} % of the held-out error, {'at least' if accepted else 'less than'} "
             reason += f"the {100 * MARGIN:.0f} % asked for"
         except DiscoveryError as failure:
             reason = f"it could not be run on the held-out recordings: {failure}"
