@@ -12,6 +12,7 @@ from discovery.diagnosis.caution import Caution
 from discovery.equations.losses import is_passive
 from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
+from discovery.estimation.generalised import BENT
 
 #: Part of its range within which a value lies at an edge.
 _EDGE = 1e-3
@@ -116,3 +117,20 @@ def far_start(final: Fit) -> Caution | None:
     told = final.told(name)
     numbers = {"value": told["value"], "sd": told["sd"], "unit": told["unit"], "times": far[name]}
     return Caution("far_start", name, numbers=numbers)
+
+
+def untold(final: Fit, added: Iterable[str]) -> list[Caution]:
+    """Return the added effects none of whose sizes is told from zero; what tells them apart is how they move together.
+
+    A shape, as a width or a frequency, has no zero. Of what is too bent for an interval nothing is said.
+    """
+    found = []
+    for effect in {*added}.intersection(final.model.effects):
+        sizes = [p.name for p in get_effect(effect).parameters() if not (p.shape or p.fixed)]
+        told = {name: final.told(name) for name in sizes if name in final.values}
+        if not told or any(final.reasons.get(name) == BENT for name in told):
+            continue
+        if not any(q["sd"] is not None and abs(q["value"]) >= _BEYOND * q["sd"] for q in told.values()):
+            name, first = next(iter(told.items()))
+            found.append(Caution("untold", name, effect, {k: first[k] for k in ("value", "sd", "unit")}))
+    return found

@@ -20,6 +20,8 @@ from discovery.foundation.arrays import FloatArray
 _ITERATIONS = 25
 #: Squared distance from none, in variances, up to which an interval of 90 % holds none.
 _HOLDS = 1.645**2
+#: Why a value may have no interval.
+BENT = "its posterior is too bent for an interval"
 
 
 def generalised(
@@ -81,6 +83,6 @@ def without_bent(fit: Fit, effects: Iterable[str]) -> Fit:
         if not sizes or not away @ np.linalg.pinv(known, hermitian=True) @ away < _HOLDS:
             continue
         for p in own:
-            reasons[p.name] = "its posterior is too bent for an interval"
+            reasons[p.name] = BENT
             covariance[at[p.name], :] = covariance[:, at[p.name]] = np.nan
     return replace(fit, reasons=reasons, covariance=covariance)

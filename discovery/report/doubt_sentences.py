@@ -175,7 +175,11 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     "acausal": _acausal,
     "effect_edge": lambda found: (
         f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
-        "check the constants that the rig file states, units and signs"
+        "check units, signs, and constants that the rig file states"
+    ),
+    "untold": lambda found: (
+        f"{effect_name(found['effect'])} serves, but none of its sizes is told from zero, {found['about']} = "
+        f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: another law may do the same"
     ),
     "lost_gain": lambda found: (
         f"with what was added the gain of the input is not told from zero any more, {found['about']} = {_told(found)}: "

@@ -218,7 +218,8 @@ class LoopResult(LoopViews):
             for judge in (caution.scattered, caution.quiet):
                 told = (judge(self.errors, self._left(trained=t), trained=t) for t in (False, True))
                 found.append(next((c for c in told if c is not None), None))
-        return [*edges.at_edges(self.after, self.added), *(c for c in found if c is not None)]
+        ends = (*edges.at_edges(self.after, self.added), *edges.untold(self.after, self.named))
+        return [*ends, *(c for c in found if c is not None)]
 
     def _left(self, *, trained: bool) -> list[tuple[Recording, FloatArray]]:
         """Return the recordings that judge, or were fitted, and what the final model leaves: NaN in the other part."""
