@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -143,7 +144,7 @@ def test_refused_with_its_key(tmp_path: Path, old: str, new: str, says: str) -> 
 
 def test_the_name_of_another_signal_is_refused(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text(RIG.replace("cart_place", "time"))
-    with pytest.raises(InputError, match="'time' is the name of another signal"):
+    with pytest.raises(InputError, match="'time' is the name of something else"):
         read_rig(tmp_path / "rig.toml")
 
 
@@ -180,3 +181,94 @@ def test_a_place_that_the_output_does_not_pull_moves_in_the_mode() -> None:
     sizes = place_sizes(base, float(slow) * 0.999, 1.0, 0.1)
     assert sizes["first"][0] == pytest.approx(0.1)
     assert sizes["second"][0] == pytest.approx(0.1, rel=0.02)
+
+
+def test_a_name_is_that_of_what_it_reads(tmp_path: Path) -> None:
+    for name in ("angle", "spring"):
+        (tmp_path / "rig.toml").write_text(RIG.replace("cart_place", name))
+        with pytest.raises(InputError, match=f"'{name}' is the name of something else"):
+            read_rig(tmp_path / "rig.toml")
+    (tmp_path / "rig.toml").write_text(RIG.replace("cart_place", "place"))
+    assert list(read_rig(tmp_path / "rig.toml").columns.also) == ["place"]
+
+
+GYRO = """
+name = "pendulum with a gyro"
+kind = "system"
+[system]
+coordinates = { swing = "rad" }
+kinetic = "inertia*dot(swing)^2/2"
+potential = "-weight*cos(swing)"
+dissipation = "loss*dot(swing)^2/2"
+output = "swing"
+also = { gyro = "dot(swing)" }
+places = { pivot = "swing" }
+[system.constants]
+inertia = { value = 0.01, unit = "kg m^2" }
+weight = { guess = 0.35, unit = "N m" }
+loss = { guess = 1e-3, unit = "N m s" }
+[columns]
+time = { name = "t", unit = "s" }
+output = { name = "encoder", unit = "deg" }
+also = { gyro = { name = "rate", unit = "rad/s", noise = 0.02 } }
+[records]
+train = [{ file = "a.csv" }]
+"""
+
+
+def swing(folder: Path, *, jitter: float = 0.0) -> Path:
+    rng = np.random.default_rng(4)
+    time = np.arange(500) / 50
+    taken = time + rng.normal(0.0, jitter, time.size)
+    angle = 0.5 * np.exp(-0.05 * taken) * np.cos(6.0 * taken)
+    rate = -0.5 * np.exp(-0.05 * taken) * (6.0 * np.sin(6.0 * taken) + 0.05 * np.cos(6.0 * taken))
+    encoder = np.round(np.degrees(angle) / 0.5) * 0.5
+    columns = [time, encoder, rate + rng.normal(0, 0.02, time.size)]
+    np.savetxt(folder / "a.csv", np.column_stack(columns), "%.7g", ",", header="t,encoder,rate", comments="")
+    (folder / "rig.toml").write_text(GYRO)
+    return folder / "rig.toml"
+
+
+def test_a_rate_beside_a_position_is_no_position(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = swing(tmp_path)
+    (first,) = load_dataset(rig).train
+    assert not [flag for flag in first.recording.flags if flag.code == "rate_as_position"]
+    main(["check", str(rig)])
+    told = capsys.readouterr().out
+    assert "gyro: -2.9" in told
+    assert re.search(r"gyro: .* noise 0\.02 rad/s as stated", told)
+    assert re.search(r"output: .* from the scatter", told)
+
+
+def test_stamps_err_by_what_the_faster_instrument_shows(tmp_path: Path) -> None:
+    """A coarse encoder shows nothing of it, and does not halve it."""
+    jitter = load_dataset(swing(tmp_path, jitter=2e-3)).train[0].recording.jitter
+    assert jitter == pytest.approx(2e-3, rel=0.25)
+
+
+def test_an_output_is_judged_where_it_is_read(tmp_path: Path) -> None:
+    """Readings may come in turns: no row has both."""
+    rig = swing(tmp_path)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    cells = [",".join((t, a, "") if i % 3 else (t, "", r)) for i, (t, a, r) in enumerate(rows)]
+    (tmp_path / "a.csv").write_text("\n".join([lines[0], *cells]))
+    (first,) = load_dataset(rig).train
+    assert np.isfinite(first.recording.output).sum(axis=0).tolist() == [333, 167]
+
+
+def test_a_key_that_is_not_known_is_told_with_those_that_are(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(RIG.replace('unit = "mm"', 'unit = "mm", reads = "position"'))
+    with pytest.raises(InputError, match="Known here: name, unit, noise, zero, scale"):
+        read_rig(tmp_path / "rig.toml")
+
+
+def test_what_is_read_beside_an_output_may_rest(tmp_path: Path) -> None:
+    rig = swing(tmp_path)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    cells = [",".join((*line.split(",")[:2], "0.0")) for line in lines[1:]]
+    (tmp_path / "a.csv").write_text("\n".join([lines[0], *cells]))
+    assert load_dataset(rig).train[0].recording.noise[1] == 0.02
+    rig.write_text(GYRO.replace(", noise = 0.02", ""))
+    with pytest.raises(InputError, match=r"every reading.*If it rests while the output moves, state its noise"):
+        load_dataset(rig)

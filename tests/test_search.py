@@ -63,7 +63,7 @@ def _offered(**effects: float) -> Search:
 def offered(**effects: float) -> Search:
     """Return a search that has begun and knows what is offered first, which is worked out once for all tests."""
     search = copy(_offered(**effects))
-    search.decisions, search._unapproximated = [], {}
+    search.decisions = []
     return search
 
 
@@ -247,7 +247,7 @@ def test_a_law_that_its_last_fit_reduces_gives_way_to_what_it_contains(effects: 
     larger = {"coulomb_friction": "stribeck_friction"}.get(left, left)
     search.best = next(c for c in search.offers.beside(search.root) if c.added == (larger,))
     _, last = finished(settled(search.best, shared), shared)
-    found = search.simplified(last)
+    found = search.confirmed(last, search.root)
     assert found.added == (left,)
     assert (found is last) == (larger == left)
     # What the search ends with follows where a law was given up, and only there.

@@ -97,7 +97,7 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
                 "least": float(np.nanmin(values)),
                 "largest": float(np.nanmax(values)),
                 "noise": float(noise),
-                "noise_is": "estimated" if r.noise_estimated else "stated",
+                "noise_is": "estimated" if _is_estimated(experiment, channel) else "stated",
                 "motion_over_noise": float(np.nanstd(values) / noise) if noise > 0.0 else None,
             }
             for channel, unit, noise, values in zip(r.channels, r.units, r.noise, r.output.T, strict=True)
@@ -106,6 +106,12 @@ def _recording(role: str, experiment: Experiment) -> dict[str, Any]:
         "own_period": period,
         "flags": list(r.notes),
     }
+
+
+def _is_estimated(experiment: Experiment, channel: str) -> bool:
+    """Whether the noise of a channel is not stated."""
+    read = experiment.rig.columns.read.get(channel)
+    return experiment.recording.noise_estimated and (read is None or read.noise is None)
 
 
 def _input(time: FloatArray, values: FloatArray) -> dict[str, Any]:

@@ -219,6 +219,11 @@ class Base(ABC):
         """What `reading` gives, by name."""
         return self.system.channels
 
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """How often what each channel reads is differentiated: 0 for positions, 1 for rates, 2 for accelerations."""
+        return (self.order,) * len(self.channels)
+
     @abstractmethod
     def reading(self, closure: sp.Expr | None, rod: Rod = STRAIGHT) -> tuple[sp.Expr, ...]:
         """Return the true output in coordinates and theta_m: tip x, y in lengths of the arm, or the coordinate.

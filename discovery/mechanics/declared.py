@@ -216,6 +216,11 @@ class DeclaredBase(Base):
         """The output, and what is read beside it."""
         return (*super().channels, *self.equations.also)
 
+    @property
+    def orders(self):
+        """Those of the output, and of what is read beside it."""
+        return (self.order, *(self.order_of(law) for law, _ in self.equations.also.values()))
+
     def reading(self, closure, rod=STRAIGHT):
         """Return the declared output, and what is read beside it."""
         read = (self.equations.output, *(also for also, _ in self.equations.also.values()))

@@ -76,7 +76,7 @@ class LoopViews:
         return ax
 
     def plot_residuals(self: Any, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw what the declared and the final model leave of every recording, in standard deviations of its noise.
+        """Draw what both models leave of the output of every recording, in standard deviations of its noise.
 
         Parameters
         ----------
@@ -86,9 +86,9 @@ class LoopViews:
         drawn = axes_below(len(self.recordings), axes)
         for i, (ax, r) in enumerate(zip(drawn, self.recordings, strict=True)):
             for when, colour in _COLOURS.items():
-                error = np.linalg.norm((r.output - self.predictions[when][i]) / r.noise, axis=1)
-                single = ((r.output - self.predictions[when][i]) / r.noise)[:, 0]
-                ax.plot(r.time, single if len(r.channels) == 1 else error, color=colour, linewidth=0.8, label=when)
+                left = ((r.output - self.predictions[when][i]) / r.noise)[:, r.judged]
+                error = left[:, 0] if left.shape[1] == 1 else np.linalg.norm(left, axis=1)
+                ax.plot(r.time, error, color=colour, linewidth=0.8, label=when)
             ax.set(title=r.name, xlabel="time [s]", ylabel="residual over noise")
         drawn[0].legend(loc="upper right", fontsize="small")
         return drawn

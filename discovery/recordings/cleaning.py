@@ -11,7 +11,7 @@ from discovery.declarations.registry import get_effect
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.foundation.sampling import median_step
 from discovery.mechanics import get_base
-from discovery.recordings.file_signals import Signals
+from discovery.recordings.file_signals import Signals, judged_channels
 from discovery.recordings.flags import Flag
 from discovery.recordings.local_fits import alternation, timing_error
 from discovery.recordings.reading_flags import clean_output, gap_flags, without_ends
@@ -37,11 +37,12 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
     bands: Bands = []
     flags: list[Flag] = []
     returns = rig.traits.returns and rig.view is None
-    rate = get_base(rig.base).order == 1
-    position = get_base(rig.base).order == 0 and rig.view is None and rig.columns.output.reads == "position"
+    base = get_base(rig.base)
+    orders = dict(zip(base.channels, base.orders, strict=True))
+    position = base.order == 0 and rig.view is None and rig.columns.output.reads == "position"
     driven = position and found.inputs is not None and not rig.traits.has_rod
     still = None
-    if driven and found.inputs is not None and get_base(rig.base).drifts(map(get_effect, rig.declared)):
+    if driven and found.inputs is not None and base.drifts(map(get_effect, rig.declared)):
         still = np.abs(found.inputs) <= _IDLE * np.nanmax(np.abs(found.inputs))  # it may stop anywhere
     for channel, known in zip(found.channels, stated, strict=True):
         if channel not in found.outputs:
@@ -50,7 +51,8 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
             continue
         name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
         flags += gap_flags(name, found.time, found.table.numbers(name))
-        if position and (what := _OTHERS.get(si_symbol(unit))):
+        order = orders.get(channel, base.order)
+        if position and order == 0 and (what := _OTHERS.get(si_symbol(unit))):
             flags.append(Flag("rate_as_position", name, unit, {"what": what}))
         if rig.view is None:  # a force of friction is flat by itself
             values, told = without_ends(name, unit, found.time, values, still)
@@ -67,7 +69,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
         elif rig.view is None and (ratio := alternation(values)) > _ALTERNATES:
             flags.append(Flag("noise_alternates", name, unit, {"ratio": ratio}))
         values, told = clean_output(
-            name, unit, found.time, values, noise[-1], returns, given=given, rate=rate, driven=driven, still=still
+            name, unit, found.time, values, noise[-1], returns, given=given, rate=order == 1, driven=driven, still=still
         )
         found.outputs[channel] = values
         flags += told
@@ -111,9 +113,24 @@ def _jitter(rig: Rig, found: Signals, noise: list[float], stated: Sequence[float
     if is_steady(found.time):
         return _at_other_times(found, noise, stated)
     read = np.column_stack([found.outputs[channel] for channel in found.channels])
-    jitter = estimate_jitter(found.time, read, np.array(noise))
+    jitter = _of_instruments(
+        found.channels,
+        [
+            estimate_jitter(found.time, column[:, None], np.array([sd]))
+            for column, sd in zip(read.T, noise, strict=True)
+        ],
+    )
     numbers = {"jitter": jitter, "step": median_step(found.time)}
     return jitter, [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 else []
+
+
+def _of_instruments(channels: Sequence[str], errors: Sequence[float]) -> float:
+    """Return by how much stamps err [s] by what each channel shows: the median of one instrument, the most of several.
+
+    What moves slowly, or is read coarsely, shows nothing.
+    """
+    own = judged_channels(channels)
+    return max(float(np.median(errors[own])), *errors[own.stop :], 0.0)
 
 
 def _at_other_times(found: Signals, noise: list[float], stated: Sequence[float | None]) -> tuple[float, list[Flag]]:
@@ -122,7 +139,7 @@ def _at_other_times(found: Signals, noise: list[float], stated: Sequence[float |
     for channel, known in zip(found.channels, stated, strict=True):
         values = found.outputs[channel]
         errors.append(timing_error(found.time, values, resolution(values, found.time) if known is None else known))
-    jitter = float(np.median([0.0 if error is None else error.sd for error in errors]))
+    jitter = _of_instruments(found.channels, [0.0 if error is None else error.sd for error in errors])
     if jitter == 0.0:
         return 0.0, []
     for k, (error, known) in enumerate(zip(errors, stated, strict=True)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from discovery.declarations.units import quoted
 from discovery.foundation.arrays import FloatArray, within_half_a_turn
 from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
-from discovery.recordings.file_signals import Signals
+from discovery.recordings.file_signals import Signals, judged_channels
 from discovery.rigs.rig import Rig
 
 #: So small a share of readings may be wild ones.
@@ -150,8 +150,10 @@ def _check_follows(found: Signals, inputs: FloatArray, direction: FloatArray, de
         )
 
 
-def check_signals(found: Signals, fewest: int) -> None:
+def check_signals(found: Signals, fewest: int, may_rest: Collection[str] = ()) -> None:
     """Refuse what holds for no recording of any system; one has at least so many samples.
+
+    Of channels that `may_rest` all readings may be alike: others tell whether anything moves, and their noise is known.
 
     Refused are times that are missing, do not increase or leave most out, a gap in the input, a dead sensor, and too
     short a record.
@@ -179,7 +181,7 @@ def check_signals(found: Signals, fewest: int) -> None:
             remedy = "Take more rows, by samples, where and every of the rig file, or record longer or faster"
         raise InputError(f"{table.path} {few}, and at least {fewest} are needed. {remedy}.")
     for channel in found.outputs:
-        _check_channel(found, channel, fewest)
+        _check_channel(found, channel, fewest, rests=channel in may_rest)
 
 
 def _check_increase(found: Signals) -> None:
@@ -220,15 +222,19 @@ def _check_pause(found: Signals) -> None:
         )
 
 
-def _check_channel(found: Signals, channel: str, fewest: int) -> None:
+def _check_channel(found: Signals, channel: str, fewest: int, *, rests: bool) -> None:
     """Refuse a dead sensor and one with too few readings."""
     values = found.outputs[channel]
     finite = values[np.isfinite(values)]
-    if finite.size > 0 and np.ptp(finite) == 0:
+    if finite.size > 0 and np.ptp(finite) == 0 and not rests:
         level = found.table.numbers(found.names[channel])[np.isfinite(values)][0]
         raise InputError(
-            f"{found.at(channel)}: every reading, from {found.table.where(0)} on, is {level:.6g}. The sensor is dead "
-            "or not connected: check it and record again."
+            f"{found.at(channel)}: every reading, from {found.table.where(0)} on, is {level:.6g}. "
+            + (
+                "If it rests while the output moves, state its noise in [columns.also] of the rig file."
+                if channel not in found.channels[judged_channels(found.channels)]
+                else "The sensor is dead or not connected: check it and record again."
+            )
         )
     if finite.size < fewest:
         raise InputError(

@@ -67,7 +67,7 @@ def band_noise(
     they come at times. Errors of rounding are left to `lasting_rounding`. Nothing is
     found at times [s] that are not steady.
     """
-    if np.mean(np.isfinite(values)) < 1.0 - _MISSING or gaps(time).any():
+    if np.mean(np.isfinite(values)) < 1.0 - _MISSING or gaps(time).any() or not np.nanmax(values) > np.nanmin(values):
         return None
     read = filled(values)
     power = np.abs(spectrum(read)) ** 2
@@ -185,9 +185,10 @@ def _without_rests(values: FloatArray) -> FloatArray:
     still = np.repeat(lengths >= _STILL, lengths)
     moving = np.where(still, np.nan, read)
     estimates = _estimates(moving)
-    if still.sum() <= _RESTING * still.size or not quantum(read) < min(estimates, default=0.0) >= _SAME * max(
-        estimates
-    ):
+    step, least, most = quantum(read), min(estimates, default=0.0), max(estimates, default=0.0)
+    # Where most readings stand still and no step is seen, they tell no noise at all; those that move bound it.
+    mute = 2 * still.sum() > still.size and step == 0.0 < least
+    if not mute and (still.sum() <= _RESTING * still.size or not step < least >= _SAME * most):
         return values
     found = values.copy()
     found[good] = moving

@@ -205,7 +205,7 @@ def read_recording(
         # Part of a swing may as well be the way of what nothing pulls back.
         flags += [flag for flag in told if rig.traits.returns or flag.code == "swings_few"]
     noise, bands, more = cleaned(rig, found, stated)
-    check_signals(found, rig.traits.fewest)
+    check_signals(found, rig.traits.fewest, _may_rest(rig))
     jitter, late = timed(rig, found, noise, stated, bands, repeats)
     if rig.view is not None and found.inputs is not None:
         noise = viewed(rig, found, noise, flags)
@@ -237,7 +237,7 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
     odd = [*on_its_clock(rig, found), *join_turns(rig, found)]
     inputs, outputs = found.inputs, found.outputs
-    check_signals(found, rig.traits.fewest)
+    check_signals(found, rig.traits.fewest, _may_rest(rig))
     if rig.traits.has_rod:
         check_arm(found, rig)
         odd += [] if inputs is None else bend_flags(inputs, outputs)
@@ -256,6 +256,11 @@ def _own_period(rig: Rig) -> float | None:
     if not rig.traits.hangs or rig.length is None or rig.gravity is None:
         return None
     return float(2.0 * np.pi * np.sqrt(rig.length.value / rig.gravity.value))
+
+
+def _may_rest(rig: Rig) -> list[str]:
+    """Return what is read beside the output with a stated noise."""
+    return [name for name, column in rig.columns.also.items() if column.noise is not None]
 
 
 def _stated_noise(rig: Rig, channels: Sequence[str]) -> list[float | None]:

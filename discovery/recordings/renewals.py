@@ -48,7 +48,8 @@ def renewals(time: FloatArray, values: FloatArray) -> Renewals | None:
     """
     starts = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0]))
     lengths, new = np.diff(np.append(starts, values.size)), values[starts]
-    if values.size < _FEWEST or starts.size > (1.0 - 0.5 * _SHARE) * values.size or are_marks(time, values):
+    few = values.size < _FEWEST or starts.size < _SOME
+    if few or starts.size > (1.0 - 0.5 * _SHARE) * values.size or are_marks(time, values):
         return None
     passing = _passing(new, max(quantum(values), estimate_noise(new), np.finfo(float).tiny))
     own = lengths[passing]

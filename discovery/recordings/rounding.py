@@ -9,6 +9,7 @@ from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven
 
 _CANDIDATES = (0.05, 0.25, 0.5, 0.0)
+_DIVISORS, _DIVIDED = (2, 3), 12  # parts of the smallest difference that may be the step, of so many differences
 _TOLERANCE = 0.05
 _AGREEING = 0.98
 _NEAR_GAPS = 20.0
@@ -39,8 +40,10 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
     gaps = np.diff(distinct)
     # Conversions of units leave twins of one reading that differ in the last bits.
     gaps = gaps[gaps > 1e-9 * (distinct[-1] - distinct[0])]
-    for share in _CANDIDATES:
-        step = float(np.quantile(gaps, share, method="lower"))
+    least = float(gaps.min())
+    # Of few readings of a fast motion none may follow another by one step.
+    parts = [least / k for k in _DIVISORS if np.sum(gaps < _NEAR_GAPS * least / k) >= _DIVIDED]
+    for step in (*(float(np.quantile(gaps, share, method="lower")) for share in _CANDIDATES), *parts):
         near = gaps[gaps < _NEAR_GAPS * step]
         step = float(near.sum() / np.round(near / step).sum())
         multiple = gaps[gaps < _NEAR_GAPS * step] / step

@@ -126,7 +126,7 @@ def effect_sentence(effect: Record) -> str:
 def doubts_answer(code: str, *, complete: bool, named: Sequence[float | None]) -> bool:
     """Return whether a decision doubts an answer, complete or not, with these probabilities of the effects named."""
     sure = bool(named) and all(p is not None and p > 0.9999 for p in named)
-    return (code == "laplace" and not sure) or (code == "astray" and not complete)
+    return (code == "laplace" and bool(named) and not sure) or (code == "astray" and not complete)
 
 
 def decision_sentence(step: Record) -> str:

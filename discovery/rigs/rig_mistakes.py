@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from discovery.foundation.errors import suggestion
 from discovery.rigs.quantities import QUANTITIES, key_of
-from discovery.rigs.rig_schema import QuantityTable, RecordsTable, RigTable
+from discovery.rigs.rig_schema import AlsoTable, QuantityTable, RecordsTable, RigTable
 from discovery.rigs.system_table import ConstantTable
 
 if TYPE_CHECKING:
@@ -111,8 +111,13 @@ def _held(annotation: Any) -> list[type[BaseModel]]:
 def _known_instead(keys: Sequence[str], value: object) -> str:
     """Return what is known where a key is not."""
     if len(keys) > 1:
-        constant = keys[:2] == ("system", "constants")
-        parent = ConstantTable if constant and len(keys) > 2 else _tables(RigTable).get(keys[-2], QuantityTable)
+        # Tables of the user's own names.
+        named: dict[tuple[str, str], type[BaseModel]] = {
+            ("system", "constants"): ConstantTable,
+            ("columns", "also"): AlsoTable,
+        }
+        own = named.get((keys[0], keys[1])) if len(keys) > 2 else None
+        parent = own or _tables(RigTable).get(keys[-2], QuantityTable)
         known = list(parent.model_fields)
         return f"{suggestion(keys[-1], known)} Known here: {', '.join(known)}."
     stem = next((stem for stem in QUANTITIES if keys[0].startswith(stem)), None)

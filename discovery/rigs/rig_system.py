@@ -217,8 +217,9 @@ def _check_columns(table: RigTable, declaration: SystemDeclaration, equations: E
     if odd := next(iter({*read} ^ {*declaration.also}), None):
         word = "lacks" if odd in declaration.also else "has"
         raise refuse(f"also.{odd}", f"[columns.also] {word} it, unlike the system. Declare it in both, or in neither.")
-    if taken := next((name for name in read if name in _SIGNALS), None):
-        raise refuse(f"also.{taken}", f"{taken!r} is the name of another signal. Choose another one.")
+    others = (*_SIGNALS, *declaration.constants, *(n for n in declaration.coordinates if declaration.also.get(n) != n))
+    if taken := next((name for name in read if name in others), None):
+        raise refuse(f"also.{taken}", f"{taken!r} is the name of something else that it does not read. Choose another.")
     pairs = [("output", columns.output.unit, equations.output_unit)]
     pairs += [(f"also.{name}", column.unit, equations.also[name][1]) for name, column in read.items()]
     if columns.input is not None and declaration.input is not None:

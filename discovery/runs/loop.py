@@ -148,15 +148,16 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
             search.run()
     best, geometry, steps = _on_best_mechanics(before, search, context)
     last = settled(best, context)
-    if best is search.best and (simpler := search.simplified(last)) is not last:
-        last = settled(simpler, context)
+    first = _declared(before, context)
+    if best is search.best and (confirmed := search.confirmed(last, first)) is not last:
+        last = settled(confirmed, context)
     after, last = finished(last, context)
     found = {n.effect: n for n in named(search)}
     after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)
     if (after.model.base, after.model.effects) == (before.model.base, before.model.effects):
         before, first = after, last  # one model has one estimate
-    elif (first := _declared(before, context)).chi2 < before.chi2:
+    elif first.chi2 < before.chi2:
         before, first = finished(settled(first, context), context)
     contradiction = contradiction_of(after, search, context, complete=complete)
     manoeuvres = separations(search, found, context)
@@ -226,7 +227,7 @@ def _on_best_mechanics(
 def _with_base(base: str, before: Fit, search: Search, context: Context) -> Contender | None:
     """Return the set that was found on other mechanics; None where it blows up there."""
     if base == _EXACT:
-        return search.unapproximated()
+        return search.neighbours.unapproximated(search.best)
     added = search.best.added
     declared = before.model.without([e for e in before.model.effects if e in search.offers.given_up])
     model = declared.with_effect(*[e for e in added if e not in declared.effects]).on_base(base)

@@ -112,6 +112,7 @@ def save_prediction(
     names, suffix = recording.channels, ""
     if experiment.system.has_rod:
         names, suffix = ("tip_x", "tip_y"), "_m"
+    worth = after.problem.bench.experiments[0].recording.worth  # what is predicted has no noise of its own
     final, why = predict(after, experiment, initial), ""
     try:
         first = predict(before, experiment, initial)
@@ -119,7 +120,7 @@ def save_prediction(
         nothing, why = np.full_like(final[0], np.nan), str(failure)
         first = nothing, nothing
     for label, (value, told), error in zip(("before", "after"), (first, final), errors, strict=True):
-        sd = np.sqrt(told**2 + (error / recording.worth) ** 2)  # not a number where there is no prediction
+        sd = np.sqrt(told**2 + (error / worth) ** 2)  # not a number where there is no prediction
         for k, name in enumerate(names):
             columns[f"{name}_{label}{suffix}"] = value[:, k]
             spreads[f"{name}_{label}_sd{suffix}"] = sd[:, k]

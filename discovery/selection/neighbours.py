@@ -13,6 +13,7 @@ from discovery.screening.likeness import absorbed, reduced
 from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
+from discovery.selection.final import on_mechanics
 from discovery.selection.odds import HELD, odds_of
 from discovery.selection.offers import Offers, plain
 
@@ -27,6 +28,7 @@ class Neighbours:
         self.context, self.offers, self.root = context, offers, root
         self._smaller: dict[object, Contender] = {}
         self._simpler: dict[object, list[Contender]] = {}
+        self._unapproximated: dict[Contender, Contender] = {}
         #: Returns a set integrated by importance sampling.
         self.sampled: Callable[[Contender], Contender] = cache(partial(integrated, context))
 
@@ -58,6 +60,14 @@ class Neighbours:
         led = [self.without(c, c.added[-1]) for c in offered[:1] if np.isfinite(c.joint)]
         least = self.root.evidence.train + self.context.settings.nats
         return next((c for c in led if c.evidence.train > least), self.root)
+
+    def unapproximated(self, found: Contender) -> Contender:
+        """Return a set on the first of the mechanics that its own approximate on which it is as likely."""
+        if found not in self._unapproximated:
+            others = (on_mechanics(found, base, self.context) for base in found.model.mechanics.approximates)
+            likely = (c for c in others if c is not None and c.joint > found.joint - self.context.settings.nats)
+            self._unapproximated[found] = next(likely, found)
+        return self._unapproximated[found]
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first.

@@ -51,13 +51,12 @@ class Search:
         self.offers = Offers(context)
         (self.best,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.unknown: Unknown | None = None
-        self._unapproximated: dict[Contender, Contender] = {}
         self.root, self.neighbours = self.best, Neighbours(context, self.offers, self.best)
 
     def run(self) -> None:
         """Search until nothing more is accepted, or what is left is noise."""
-        part = self.context.settings.budget.dear_mechanics
-        if self.best.is_far and self.unapproximated().evidence.error < part * self.best.evidence.error:
+        part, exact = self.context.settings.budget.dear_mechanics, self.neighbours.unapproximated
+        if self.best.is_far and exact(self.best).evidence.error < part * self.best.evidence.error:
             self._change_mechanics()
         self._settle()
         if self._give_up_a_loss():
@@ -138,10 +137,19 @@ class Search:
                     break
         return self.best is not before
 
-    def simplified(self, last: Contender) -> Contender:
-        """Return a set after its last fit, a law that this reduced to one that it contains given up for that."""
-        searched, self.best = self.best, last
-        if not self._simplify():
+    def confirmed(self, last: Contender, declared: Contender) -> Contender:
+        """Return a set after its last fit, without laws that this made others, or that predict worse than none do."""
+        searched, self.best, settings = self.best, last, self.context.settings
+        self._simplify()
+        while self.best.added and self.context.judge.holds:
+            odds = odds_of(self.best, declared, declared, settings)
+            if odds.code(settings, -HELD) != "held_out":
+                break
+            sets = {e: settled(self.neighbours.without(self.best, e), self.context) for e in self.best.added}
+            effect = max(sets, key=lambda e: sets[e].joint)
+            self.decisions.append(Decision("remove", (effect,), True, "held_out", odds.numbers))
+            self.best = sets[effect]
+        if self.best is last:
             self.best = searched
             return last
         self._ask_the_unknown()
@@ -179,17 +187,9 @@ class Search:
         if not self.best.added and numbers["odds"] > self.context.settings.nats:
             self.decisions.append(Decision("add", (SmoothForce.id(),), False, "unknown", numbers))
 
-    def unapproximated(self) -> Contender:
-        """Return the set found on the first of the mechanics that its own approximate on which it is as likely."""
-        if self.best not in self._unapproximated:
-            others = (on_mechanics(self.best, base, self.context) for base in self.best.model.mechanics.approximates)
-            likely = (c for c in others if c is not None and c.joint > self.best.joint - self.context.settings.nats)
-            self._unapproximated[self.best] = next(likely, self.best)
-        return self._unapproximated[self.best]
-
     def _change_mechanics(self) -> bool:
         """Go over to the mechanics that those of the set approximate where the evidence asks for it."""
-        other = self.unapproximated()
+        other = self.neighbours.unapproximated(self.best)
         if not (gain := other.joint - self.best.joint) > self.context.settings.nats:
             return False
         root = on_mechanics(self.neighbours.root, other.model.base, self.context) if self.best.added else other
