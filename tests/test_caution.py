@@ -15,7 +15,7 @@ from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, acausal, missed, unfinished
-from discovery.diagnosis.edges import at_edges, held_sign, lost_gain, strayed_constant
+from discovery.diagnosis.edges import at_edges, held_sign, lost_gain, strayed_constant, untold
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
@@ -362,3 +362,13 @@ def test_a_fit_that_stopped_on_its_way_is_doubted(scaled: Fit) -> None:
     found = unfinished(replace(scaled, minimum=replace(scaled.minimum, converged=False, iterations=8)))
     assert found is not None
     assert "stopped after 8 steps" in caution_sentence(found.summary())
+
+
+def test_an_added_effect_of_no_size_that_is_told_is_a_doubt(tmp_path: Path) -> None:
+    found = close_loop(load_dataset(seen(tmp_path, mass="value = 1.0, sd = 0.02"), [tmp_path / "a.csv"])).after
+    model = found.model.with_effect("coulomb_friction_at_body")
+    fitted = fit(model, found.problem.bench.experiments, start=found.own_values)
+    (told,) = untold(fitted, ("coulomb_friction_at_body",))
+    assert (told.code, told.about, told.effect) == ("untold", "f_c_body", "coulomb_friction_at_body")
+    assert "none of its sizes is told from zero, f_c_body = " in caution_sentence(told.summary())
+    assert untold(fitted, ()) == []

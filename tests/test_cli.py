@@ -603,12 +603,13 @@ def test_a_loop_tells_decisions_that_doubt_its_answer() -> None:
     drawn = Decision("integrate", ("hysteresis",), False, "laplace", {"pareto_k": 1.4})
     good = Decision("integrate", ("hysteresis",), True, "sampled", {"correction": 0.1, "error": 0.1, "pareto_k": 0.2})
     rig = SimpleNamespace(rig=SimpleNamespace(unfilled=()), train=(), holdout=())
-    first, second = doubts(answer(steps=(astray, good, drawn), complete=False), rig)
+    sure, likely = ({"hysteresis": SimpleNamespace(probability=p)} for p in (0.99995, 0.97))
+    first, second = doubts(answer(steps=(astray, good, drawn), complete=False, named=likely), rig)
     assert first.startswith("the declared model leaves 83 % of the variance: check")
     assert "check columns, signs, units" in first
     assert "(their largest weights have Pareto k = 1.4)" in second
-    # What is beyond doubt stays so.
-    sure, likely = ({"hysteresis": SimpleNamespace(probability=p)} for p in (0.99995, 0.97))
+    # What is beyond doubt stays so, and what was drawn for an effect that is not named tells nothing.
+    assert doubts(answer(steps=(drawn,), complete=False), rig) == []
     assert doubts(answer(steps=(drawn,), named=sure), rig) == []
     assert doubts(answer(steps=(drawn,), named=likely), rig) == [second]
     # What explains all that is left was the main force.

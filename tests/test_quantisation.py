@@ -80,3 +80,24 @@ def test_the_noise_of_marks_is_that_of_the_times_at_which_they_pass():
     assert noise_flags("n", "rev", stamped, count, turns) == []
     (flag,) = time_flags(3.0 * stamped, TimeColumn(), marks=True)
     assert (flag.code, flag.severity) == ("read_at_marks", "note")
+
+
+def test_a_step_that_no_two_readings_are_apart_is_seen() -> None:
+    """A fast motion passes over its steps by two and more: the smallest difference is twice the step."""
+    counts = np.cumsum(np.random.default_rng(1).choice([2, 3, 4, 5, 7, 10, 13, 22, 31, 44], 60))
+    assert quantum(0.006879 * counts) == pytest.approx(0.006879, rel=1e-3)
+    # Of few differences a part of the smallest would fit by chance.
+    assert quantum(0.006879 * counts[:8]) == 0.0
+
+
+@given(seed=st.integers(0, 500), size=st.integers(40, 300))
+def test_readings_with_noise_have_no_part_of_a_difference_as_their_step(seed: int, size: int) -> None:
+    assert quantum(np.cumsum(np.random.default_rng(seed).normal(size=size))) == 0.0
+
+
+def test_a_signal_that_mostly_rests_tells_its_noise_where_it_moves() -> None:
+    """Its rest is one number: the median of differences says nothing, and the last bit is no noise."""
+    rng = np.random.default_rng(3)
+    moving = np.sin(np.arange(120) / 15.0) + rng.normal(0, 1e-3, 120)
+    resting = np.concatenate([np.zeros(300), moving])
+    assert 0.5e-3 < estimate_noise(resting) < 3e-3

@@ -254,6 +254,22 @@ def test_a_law_that_its_last_fit_reduces_gives_way_to_what_it_contains(effects: 
     assert search.best.added == found.added
 
 
+def test_what_predicts_worse_than_the_declared_model_is_taken_out() -> None:
+    shared = context(beta=1.0)
+    search = begun(shared)
+    search.best = next(c for c in search.offers.beside(search.root) if c.added == ("cubic_stiffness",))
+    last = settled(search.best, shared)
+    assert search.confirmed(last, search.root) is last
+    # By a declared model whose own fit predicts far better than the search knew.
+    evidence = dataclasses.replace(
+        search.root.evidence, held=last.evidence.held + 50.0, ahead=last.evidence.ahead + 50.0
+    )
+    found = search.confirmed(last, dataclasses.replace(search.root, evidence=evidence))
+    assert found.added == search.best.added == ()
+    (removed,) = [d for d in search.decisions if d.action == "remove"]
+    assert (removed.effects, removed.code, removed.accepted) == (("cubic_stiffness",), "held_out", True)
+
+
 # The one rule.
 
 
