@@ -7,7 +7,7 @@ import numpy as np
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.report import style
-from discovery.report.numbers import Scale, scale_for, unit_text
+from discovery.report.numbers import Scale, listed, scale_for, unit_text
 from discovery.report.results import MODELS, Run, Trajectory
 from discovery.report.style import Picture, decimate, label, new_figure, side_label, verbatim
 from discovery.report.words import deflection_unit, sentence
@@ -18,6 +18,12 @@ _NAMES = {"tip_x": "tip x", "tip_y": "tip y", "tip_angle": "tip angle", "tip_def
 def channel_name(run: Run, channel: str) -> str:
     """Return a recorded channel in the words of a reader."""
     return run.output_name if channel == "output" else _NAMES.get(channel, channel.replace("_", " "))
+
+
+def error_name(run: Run, trajectory: Trajectory) -> str:
+    """Return what errors are called: by the output's name where more than that is read."""
+    beside = len(trajectory.channels) > 1 and not run.system.has_rod
+    return f"error of {run.output_name}" if beside else "error"
 
 
 def shown_scale(trajectory: Trajectory, channel: int, coordinate: str) -> Scale:
@@ -49,8 +55,8 @@ def draw_motion(run: Run) -> Picture | None:
         axes[-1].set_ylabel(side_label("motor angle" if run.system.has_rod else run.input_name, run.input_unit))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels()
-    driven = f" and {run.input_name}" if shown.input is not None else ""
-    what = "tip position and motor angle" if run.system.has_rod else f"{run.output_name}{driven}"
+    drawn = [*(channel_name(run, c) for c in shown.channels), *([run.input_name] if shown.input is not None else [])]
+    what = "tip position and motor angle" if run.system.has_rod else listed(drawn)
     caption = f"Measured: {what} of {shown.name}."
     return Picture("motion", figure, caption, f"Time series of {what} of recording {shown.name}.")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from discovery.report import style
-from discovery.report.figures.motion import channel_name, main_period, shown_scale
+from discovery.report.figures.motion import channel_name, error_name, main_period, shown_scale
 from discovery.report.numbers import scale_for, significant
 from discovery.report.results import Run, Trajectory
 from discovery.report.style import Picture, decimate, label, new_figure, plain_log, series, side_label
@@ -39,7 +39,7 @@ def draw_comparison(run: Run) -> Picture | None:
     if noise:
         below.axhspan(-2 * noise * scale.factor, 2 * noise * scale.factor, color=style.GREY, alpha=0.25, linewidth=0)
     above.set_ylabel(side_label(channel_name(run, shown.channels[0]), motion.symbol))
-    below.set(ylabel=label("error", scale.symbol), xlabel="time [s]")
+    below.set(ylabel=side_label(error_name(run, shown), scale.symbol), xlabel="time [s]")
     figure.align_ylabels()
     figure.legend(*above.get_legend_handles_labels(), loc="outside upper left", ncols=3)
     role = "held out" if shown.role == "holdout" or not shown.fitted.all() else "fitted"
@@ -68,7 +68,7 @@ def _panel(axes: Axes, trajectory: Trajectory, channel: int, factor: float, star
     axes.set_xlim(start, stop)
 
 
-def _distances(axes: Axes, trajectory: Trajectory) -> None:
+def _distances(axes: Axes, trajectory: Trajectory, name: str) -> None:
     """Draw the largest distance to the measurement in every stretch of time, on a logarithmic axis."""
     found = {model: trajectory.distance(model) for model in trajectory.models}
     # A motion that blew up has no distance.
@@ -80,7 +80,7 @@ def _distances(axes: Axes, trajectory: Trajectory) -> None:
         axes.semilogy(trajectory.time[edges], largest, **style.LINES[model], drawstyle="steps-post")
     axes.set_xlim(trajectory.time[0], trajectory.time[-1])
     plain_log(axes.yaxis)
-    axes.set(ylabel=label("error", scale.symbol), xlabel="time [s]")
+    axes.set(ylabel=side_label(name, scale.symbol), xlabel="time [s]")
 
 
 def _history(run: Run, trajectory: Trajectory) -> Picture:
@@ -100,7 +100,7 @@ def _history(run: Run, trajectory: Trajectory) -> Picture:
         end.set_title("end")
         for axis in (whole, start):
             axis.set_ylabel(side_label(channel_name(run, channel), scale.symbol))
-    _distances(figure.add_subplot(grid[2 * count, :]), trajectory)
+    _distances(figure.add_subplot(grid[2 * count, :]), trajectory, error_name(run, trajectory))
     figure.legend(*whole.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     fitted = "fitted" if trajectory.fitted.all() else "first part fitted"
     role = "held out" if trajectory.role == "holdout" else fitted
