@@ -185,6 +185,8 @@ def _system(recordings: Sequence[Signals], guess: Guess, unused: str) -> Iterato
     yield from _columns(found, guess, zero)
     if unused:
         yield f"# not used: {unused}"
+        if own:
+            yield "# What is read beside the output is fitted with it: `also`, docs/YOUR_SYSTEM.md"
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
         yield from _base(found, found.input)
     if is_seen_as_force(found):

@@ -11,6 +11,7 @@ from markupsafe import Markup, escape
 from discovery.declarations.effect import first_sentence
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.declarations.registry import effect_name as effect_name
+from discovery.foundation.start_names import start_of
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.report.numbers import GREEK, Scale, power_of_ten, scale_for_change, uncertain, unit_text
@@ -179,6 +180,9 @@ def _errors_in_words(run: Run) -> tuple[str, str, str]:
         "holdout_inside": "on a recording that no fit saw",
         "holdout": "on data that no fit saw",
     }.get(group, "in training")
+    # What is another number in every recording is fitted to each that judges, too.
+    own = {found[0] for e in run.loop["effects"] for n in e["parameters"] if (found := start_of(n))}
+    seen += f" but for its {listed(sorted(own))}" if own and group.startswith("holdout") else ""
     better = errors["after"][group]["rms"] < errors["before"][group]["rms"]
     change = f"the rms error {seen} {'falls' if better else 'goes'} from {before} to {after} {scale.symbol}".rstrip()
     left = f"{after} {scale.symbol}".rstrip()
