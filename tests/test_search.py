@@ -188,6 +188,21 @@ def test_what_was_refused_and_is_named_since_is_no_lead(monkeypatch: pytest.Monk
     assert (lead and lead.effects) == (effects if beside else None)
 
 
+def test_a_lead_is_no_rival_of_what_is_named_and_has_odds_above_even(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    found = {search.best.added[0]: SimpleNamespace(group=("quintic_stiffness",))}
+    numbers = {"train": 60.0, "held": 40.0, "odds": 9.0}
+    rivals = [("quintic_stiffness",), ("quintic_stiffness", "table_tilt")]
+    told = [Decision("add", effects, False, "size", numbers) for effects in rivals]
+    told += [Decision("add", ("sensor_delay",), False, "held_out", {**numbers, "odds": -6.0})]
+    monkeypatch.setattr(search, "decisions", told)
+    assert strongest_lead(search, found) is None
+    monkeypatch.setattr(search, "decisions", [*told, Decision("add", ("table_tilt",), False, "size", numbers)])
+    lead = strongest_lead(search, found)
+    assert lead is not None
+    assert lead.effects == ("table_tilt",)
+
+
 def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatch: pytest.MonkeyPatch) -> None:
     search = searched(beta=1.0, f_c=0.02)
 
@@ -267,7 +282,7 @@ def test_what_predicts_worse_than_the_declared_model_is_taken_out() -> None:
     found = search.confirmed(last, dataclasses.replace(search.root, evidence=evidence))
     assert found.added == search.best.added == ()
     (removed,) = [d for d in search.decisions if d.action == "remove"]
-    assert (removed.effects, removed.code, removed.accepted) == (("cubic_stiffness",), "held_out", True)
+    assert (removed.effects, removed.code, removed.accepted) == (("cubic_stiffness",), "predicts_worse", True)
 
 
 # The one rule.

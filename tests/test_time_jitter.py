@@ -48,14 +48,13 @@ def test_a_reading_errs_by_its_noise_and_by_its_slope_times_the_error_of_its_sta
 def test_stamps_that_err_are_told_from_samples_that_are_not_steady() -> None:
     stamps, rng = stamped()
     noise = NOISE * rng.standard_normal(COUNT)
-    given = np.array([NOISE])
     assert stamp_deviation(stamps) == pytest.approx(JITTER, rel=0.1)
     # The samples are steady, and their stamps err.
-    assert estimate_jitter(stamps, (swing(STEADY) + noise)[:, None], given) == pytest.approx(JITTER, rel=0.15)
+    assert estimate_jitter(stamps, swing(STEADY) + noise, NOISE) == pytest.approx(JITTER, rel=0.15)
     # The stamps are right, and the samples are not steady.
-    assert estimate_jitter(stamps, (swing(stamps) + noise)[:, None], given) == 0.0
+    assert estimate_jitter(stamps, swing(stamps) + noise, NOISE) == 0.0
     # A steady clock does not err, whatever the noise is.
-    assert estimate_jitter(STEADY, (swing(STEADY) + 5 * noise)[:, None], given) == 0.0
+    assert estimate_jitter(STEADY, swing(STEADY) + 5 * noise, NOISE) == 0.0
 
 
 def test_rounded_stamps_are_not_taken_for_stamps_that_err() -> None:
@@ -63,7 +62,7 @@ def test_rounded_stamps_are_not_taken_for_stamps_that_err() -> None:
     rounded = np.round(STEADY + STEP / 3, 7)
     read = swing(STEADY + JITTER * rng.standard_normal(COUNT)) + NOISE * rng.standard_normal(COUNT)
     assert stamp_deviation(rounded) > 0
-    assert estimate_jitter(rounded, read[:, None], np.array([NOISE])) == 0.0
+    assert estimate_jitter(rounded, read, NOISE) == 0.0
 
 
 def test_a_coarse_encoder_is_not_taken_for_stamps_that_err() -> None:
@@ -71,13 +70,13 @@ def test_a_coarse_encoder_is_not_taken_for_stamps_that_err() -> None:
     stamps, _ = stamped()
     quantum = 5e-3
     read = quantum * np.round(swing(stamps) / quantum)
-    assert estimate_jitter(stamps, read[:, None], np.array([quantum / np.sqrt(12)])) == 0.0
+    assert estimate_jitter(stamps, read, quantum / np.sqrt(12)) == 0.0
 
 
 def test_noise_that_is_stated_too_small_is_not_taken_for_stamps_that_err() -> None:
     stamps, rng = stamped()
     read = swing(stamps) + NOISE * rng.standard_normal(COUNT)
-    assert estimate_jitter(stamps, read[:, None], np.array([0.1 * NOISE])) == 0.0
+    assert estimate_jitter(stamps, read, 0.1 * NOISE) == 0.0
 
 
 def test_stated_jitter_weighs_less_what_moves_fast(tmp_path: Path) -> None:

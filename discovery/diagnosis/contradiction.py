@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from discovery.diagnosis.other_constants import Instead, instead_of, stated_constants
+from discovery.diagnosis.other_constants import Instead, answering_for, stated_constants
 from discovery.diagnosis.reconciliation import WIDE, Reconciliation, reconcile
 from discovery.equations.lacking import candidates as possible
 from discovery.estimation.batch import fit_problems
@@ -266,7 +266,7 @@ def check_contradictions(
         name, target = check.parameter, (check.predicted, check.predicted_sd)
         if not arm and name != "k_g":
             moved = abs(fit.values[name] - check.value) < abs(fit.values[name] - check.predicted)
-            others = instead_of(fit, name) if moved else ()
+            others = answering_for(fit, name) if moved else ()
             contradictions.append(Contradiction(check, (), sought=False, overruled=moved, instead=others))
             continue
         if arm:

@@ -125,7 +125,7 @@ def untold(final: Fit, added: Iterable[str]) -> list[Caution]:
     A shape, as a width or a frequency, has no zero. Of what is too bent for an interval nothing is said.
     """
     found = []
-    for effect in {*added}.intersection(final.model.effects):
+    for effect in (e for e in added if e in final.model.effects):
         sizes = [p.name for p in get_effect(effect).parameters() if not (p.shape or p.fixed)]
         told = {name: final.told(name) for name in sizes if name in final.values}
         if not told or any(final.reasons.get(name) == BENT for name in told):

@@ -8,8 +8,8 @@ from discovery.estimation.fit import Fit, fit_near
 from discovery.foundation.errors import SimulationFailure
 from discovery.rigs.rig import Rig
 
-#: Another constant does as well where it leaves at most this part more, or so much more of chi-square.
-_PART, _LEAST = 0.02, 6.0
+#: Another constant does as well where it leaves at most so much more of chi-square, in what is left of a reading.
+_LEAST = 6.0
 
 
 @dataclass(frozen=True)
@@ -28,16 +28,16 @@ def stated_constants(rig: Rig) -> dict[str, tuple[float, float]]:
     return {n: (c.value, c.sd) for n, c in given.items() if c.sd is not None}
 
 
-def instead_of(fit: Fit, name: str) -> tuple[Instead, ...]:
+def answering_for(fit: Fit, name: str) -> tuple[Instead, ...]:
     """Return the other stated constants with which a fit is as good although one that it overrules is as stated.
 
     `fit`: has the overruled constant `name` free.
     """
     found, stated = [], stated_constants(fit.problem.bench.experiments[0].rig)
-    if name not in stated:
+    mean, _ = stated.get(name, (0.0, 0.0))
+    if not mean * fit.values[name]:
         return ()
-    mean, _ = stated[name]
-    ratio = mean / fit.values[name] if fit.values[name] else 1.0
+    ratio = mean / fit.values[name]
     for other, (at, sd) in stated.items():
         if other == name or other not in fit.problem.gaussian or not at:
             continue
@@ -49,7 +49,7 @@ def instead_of(fit: Fit, name: str) -> tuple[Instead, ...]:
             except SimulationFailure:
                 continue
             moved = abs(again.values[other] - at) > 3.0 * sd
-            if moved and again.chi2 < (1.0 + _PART) * fit.chi2 + _LEAST and other not in again.reasons:
+            if moved and again.chi2 < fit.chi2 + _LEAST * max(1.0, fit.reduced_chi2) and other not in again.reasons:
                 found.append(Instead(other, again.values[other], again.sd[other], fit.model.parameters[other].unit))
                 break
     return tuple(found)

@@ -244,7 +244,7 @@ class Base(ABC):
     def begun(self, read: NDArray) -> dict[str, float]:
         """Return by name what readings tell of the parameters that `begins` lists; nothing of those that they do not.
 
-        `read` (c, 2): first value of every channel, and its rate.
+        `read` (c, 2): first value of every channel, and its rate; NaN of one that is first read later.
         """
         return {}
 

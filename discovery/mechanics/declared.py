@@ -260,14 +260,15 @@ class DeclaredBase(Base):
         Of places that are read beside an output that is one, as the linear motion about rest has them.
         """
         laws, ways = [law for law, _ in self.equations.also.values()], self.unread()
-        still = [self.order_of(law) == 0 for law in laws]
-        if self.order or not ways or not any(still):
+        told = np.array([self.order_of(law) == 0 for law in laws], bool) & np.isfinite(read[1:]).all(axis=1)
+        if self.order or not ways or not told.any() or not np.isfinite(read[0]).all():
             return {}
-        slopes = self.numbers(sp.Matrix([[sp.diff(law, a) for a in self.moving[0]] for law in laws]))[still]
+        slopes = self.numbers(sp.Matrix([[sp.diff(law, a) for a in self.moving[0]] for law in laws]))[told]
+        beside = read[1:] - np.outer(self.numbers(sp.Matrix(laws))[:, 0], (1.0, 0.0))  # counted from what rests
         moved = slopes @ np.column_stack([each.way for each in ways])
         if np.linalg.matrix_rank(moved) < len(ways):
             return {}
-        begins = np.linalg.lstsq(moved, read[1:][still] - np.outer(slopes @ self.shape, read[0]), rcond=None)[0]
+        begins = np.linalg.lstsq(moved, beside[told] - np.outer(slopes @ self.shape, read[0]), rcond=None)[0]
         names = (p.name for each in ways for p in each.starts)
         return dict(zip(names, begins.ravel().tolist(), strict=True))
 

@@ -9,6 +9,9 @@ from discovery.declarations import symbols as s
 from discovery.mechanics.declared import DeclaredBase
 from discovery.mechanics.declared_equations import INPUT
 
+#: Structural loss factor of a free motion whose frequencies are guessed.
+_BLUNT = 0.2
+
 
 def place_sizes(base: DeclaredBase, frequency: float, drive: float, output: float) -> dict[str, tuple[float, float]]:
     """Return how far each place moves, and in which time its forces would bring it there.
@@ -24,8 +27,10 @@ def place_sizes(base: DeclaredBase, frequency: float, drive: float, output: floa
     pushed = [*enumerate(INPUT), (0, s.u)]
     push = sum(base.numbers(force.diff(a))[:, 0] * turn**k for k, a in pushed)
     yields = np.linalg.pinv(stiffness + loss * turn + base.inertia * turn**2)
-    # What moves freely does so as if it were shaken at the output: near a natural frequency that is its mode.
-    motion = yields @ (push if np.any(push) else base.gradient)
+    # What moves freely does so as if it were shaken at the output: near a natural frequency that is its mode. Guesses
+    # may put that elsewhere, or where the output rests: a loss blunts both.
+    shaken = np.linalg.pinv(stiffness * (1.0 + _BLUNT * 1j) + loss * turn + base.inertia * turn**2)
+    motion = yields @ push if np.any(push) else shaken @ base.gradient
     read = sum(
         base.numbers(sp.Matrix([[sp.diff(base.equations.output, a) for a in own]]))[0] @ motion * turn**k
         for k, own in enumerate((q, rates, accelerations))

@@ -112,14 +112,9 @@ def _jitter(rig: Rig, found: Signals, noise: list[float], stated: Sequence[float
         return rig.columns.time.jitter, []
     if is_steady(found.time):
         return _at_other_times(found, noise, stated)
-    read = np.column_stack([found.outputs[channel] for channel in found.channels])
-    jitter = _of_instruments(
-        found.channels,
-        [
-            estimate_jitter(found.time, column[:, None], np.array([sd]))
-            for column, sd in zip(read.T, noise, strict=True)
-        ],
-    )
+    read = (found.outputs[channel] for channel in found.channels)
+    errors = [estimate_jitter(found.time, column, sd) for column, sd in zip(read, noise, strict=True)]
+    jitter = _of_instruments(found.channels, errors)
     numbers = {"jitter": jitter, "step": median_step(found.time)}
     return jitter, [Flag("stamps_err", numbers=numbers)] if jitter > 0.0 else []
 

@@ -19,6 +19,9 @@ from discovery.recordings.recording import Recording
 from discovery.rigs.rig import Rig
 from discovery.simulation.grid import DriveLike, Pace
 
+#: Readings among which a channel is first read, if what it begins with is to be told.
+_LATE = 8
+
 
 @dataclass(frozen=True, repr=False)
 class Experiment:
@@ -171,9 +174,11 @@ class Experiment:
 
     @cached_property
     def first_readings(self) -> FloatArray:
-        """First value of every channel, and its rate, shape (c, 2)."""
+        """First value of every channel, and its rate, shape (c, 2); NaN of one that is not read among the first."""
         r = self.recording
-        return np.array([_begins(r.time, read, noise) for read, noise in zip(r.output.T, r.noise, strict=True)])
+        first = np.asarray(np.isfinite(r.output[:_LATE]).any(axis=0))
+        found = np.array([_begins(r.time, read, noise) for read, noise in zip(r.output.T, r.noise, strict=True)])
+        return np.where(first[:, None], found, np.nan)
 
     def weights(self) -> FloatArray:
         """Return 1/noise of every fitted sample and channel, zero in gaps and held-out parts, shape (n, c)."""

@@ -42,7 +42,8 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
     gaps = gaps[gaps > 1e-9 * (distinct[-1] - distinct[0])]
     least = float(gaps.min())
     # Of few readings of a fast motion none may follow another by one step.
-    parts = [least / k for k in _DIVISORS if np.sum(gaps < _NEAR_GAPS * least / k) >= _DIVIDED]
+    again = distinct.size < finite.size
+    parts = [least / k for k in _DIVISORS if again and np.sum(gaps < _NEAR_GAPS * least / k) >= _DIVIDED]
     for step in (*(float(np.quantile(gaps, share, method="lower")) for share in _CANDIDATES), *parts):
         near = gaps[gaps < _NEAR_GAPS * step]
         step = float(near.sum() / np.round(near / step).sum())

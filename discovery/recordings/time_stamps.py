@@ -53,18 +53,18 @@ def is_steady(time: FloatArray) -> bool:
     return stamp_deviation(time) < _ROUNDED * median_step(time)
 
 
-def estimate_jitter(time: FloatArray, output: FloatArray, noise: FloatArray) -> float:
-    """Estimate by how much stamps err [s], from how much more readings scatter where they move fast; see `scatter`.
+def estimate_jitter(time: FloatArray, channel: FloatArray, noise: float) -> float:
+    """Estimate by how much stamps err [s], from how much more readings (n,) scatter where they move fast.
 
     Stamps that deviate from a steady clock may be right, for then the samples were not steady, or err. They err where
     a reading lies off the cubic through its neighbours by more in the fastest third of a recording than in the
-    slowest, beyond chance; they err by no more than they deviate. The estimate is the median of the channels, zero for
-    those that do not seem to err, and for steady stamps: see `discovery.recordings.local_fits`.
+    slowest, beyond chance; they err by no more than they deviate. The estimate is zero for those that do not seem to
+    err, and for steady stamps: see `discovery.recordings.local_fits`.
     """
     if is_steady(time):
         return 0.0
     most = stamp_deviation(time)
-    return min(most, float(np.median([_of_channel(time, c, sd) for c, sd in zip(output.T, noise, strict=True)])))
+    return min(most, _of_channel(time, channel, noise))
 
 
 def _slope(time: FloatArray, channel: FloatArray) -> FloatArray:

@@ -201,6 +201,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
         "same"
     ),
     "finite": lambda _: "the motion blows up",
+    "predicts_worse": lambda _: "after its last fit the set predicts worse than the declared model",
     "complete": lambda numbers: (
         f"what is left is noise: the best candidate promises a chi-square of {plain(numbers.get('promise'))}, chance "
         f"alone {plain(numbers.get('chance'))}"

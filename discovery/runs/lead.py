@@ -20,8 +20,8 @@ def strongest_lead(search: Search, found: Mapping[str, Named]) -> Decision | Non
     # What gains and moves nothing is a change of Occam's factor.
     gains = [i for i, d in enumerate(told) if d.numbers.get("train", 0) > 0 < d.numbers.get("size", 1)]
     weighed = (i for i in gains if told[i].accepted == (told[i].action == "remove"))
-    known = {*search.best.added, *(rival for own in found.values() for rival in own.group)}
-    left = [i for i in weighed if {*told[i].effects} - known]
+    rivals = {rival for own in found.values() for rival in own.group}
+    left = [i for i in weighed if (new := {*told[i].effects} - {*search.best.added}) and not new & rivals]
     # A force of no law, whose size is not weighed, leads where no law explains as much.
     gained = {i: told[i].numbers["train"] + min(told[i].numbers["held"], 0.0) for i in left if i > made}
     left = [i for i in left if told[i].code != "unknown" or i not in gained or gained[i] >= max(gained.values())]

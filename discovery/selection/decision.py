@@ -33,11 +33,11 @@ class Decision:
     accepted : bool
         Whether it was done.
     code : str
-        Why: "accepted", "training", "held_out", "chance", "size", "finite" (a motion that blows up), "complete" (what
-        is left is noise), "exhausted" (nothing is accepted), "budget", "impossible" (a recording refutes the rig file),
-        "unknown" (a force of no law), "sampled" or "laplace" (how the parameters were integrated), "astray" (the
-        declared model leaves most of the motion), "contained" (a declared law in an added one); why there is no fit,
-        see `discovery.runs`.
+        Why: "accepted", "training", "held_out", "predicts_worse" (than the declared model), "chance", "size", "finite"
+        (a motion that blows up), "complete" (what is left is noise), "exhausted" (nothing is accepted), "budget",
+        "impossible" (a recording refutes the rig file), "unknown" (a force of no law), "sampled" or "laplace" (how the
+        parameters were integrated), "astray" (the declared model leaves most of the motion), "contained" (a declared
+        law in an added one); why there is no fit, see `discovery.runs`.
     numbers : mapping of str to float
         What the code is about, see `Candidacy`, of "budget" `Neighbours.work`; "odds" is the smallest of the log odds.
     candidates : tuple of Candidacy

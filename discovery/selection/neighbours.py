@@ -72,12 +72,16 @@ class Neighbours:
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first.
 
-        What is another number in every recording may stand for two laws: the one that it contains, and a plain one.
+        What is another number in every recording may stand for two laws, the one that it contains and a plain one, or
+        these for it.
         """
         smaller, own = self.without(found, effect), frozenset(found.added)
-        offered = self.offers.beside(smaller) if self.affords(smaller) else []
-        for c in self.within(found, effect) if get_effect(effect).own() else ():
-            offered = [*offered, *(plain(self.offers.beside(c)) if self.affords(c) else ())]
+        offered = [*(self.offers.beside(smaller) if self.affords(smaller) else ())]
+        more = get_effect(effect).own() and len(own) < self.context.settings.budget.most_effects
+        for c in self.within(found, effect) if more else ():
+            offered += plain(self.offers.beside(c)) if self.affords(c) else []
+        for law in own - {effect}:
+            offered += self.offers.containing(own - {effect, law}, law, found.model.base)
         others = [c for c in offered if not own <= frozenset(c.added) and np.isfinite(c.joint) and not c.strays(found)]
         likely = sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
         return [c for i, c in enumerate(likely) if c.added[-1:] not in [before.added[-1:] for before in likely[:i]]]

@@ -89,6 +89,11 @@ class Offers:
         """Return sets of these effects on a base that were weighed as an extension of another."""
         return [c for offered in self._made.values() for c in offered if c.key == (frozenset(added), base)]
 
+    def containing(self, added: frozenset[str], law: str, base: str) -> list[Contender]:
+        """Return sets of these effects beside a law with a number per recording that contains another, as weighed."""
+        made = [(c, get_effect(c.added[-1])) for c in self._made.get((added, base), ())]
+        return [c for c, last in made if last.own() and law in last.reduces_to]
+
     def pairs(self, node: Contender, *, pliable: bool = False) -> list[Contender]:
         """Return sets with two effects more that would explain the residual to first order, the most likely first."""
         if (key := (node.key, pliable)) not in self._pairs:

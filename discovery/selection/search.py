@@ -141,14 +141,14 @@ class Search:
         """Return a set after its last fit, without laws that this made others, or that predict worse than none do."""
         searched, self.best, settings = self.best, last, self.context.settings
         self._simplify()
-        while self.best.added and self.context.judge.holds:
-            odds = odds_of(self.best, declared, declared, settings)
-            if odds.code(settings, -HELD) != "held_out":
-                break
+        least, against = -HELD * settings.nats if self.context.judge.holds else -np.inf, (declared, declared, settings)
+        while self.best.added and min((odds := odds_of(self.best, *against)).held, odds.ahead) < least:
             sets = {e: settled(self.neighbours.without(self.best, e), self.context) for e in self.best.added}
             effect = max(sets, key=lambda e: sets[e].joint)
-            self.decisions.append(Decision("remove", (effect,), True, "held_out", odds.numbers))
+            self.decisions.append(Decision("remove", (effect,), True, "predicts_worse", odds.numbers))
             self.best = sets[effect]
+            if not self.best.added:  # a loss that was given up is declared again
+                self.best, self.offers.given_up = self.root, frozenset()
         if self.best is last:
             self.best = searched
             return last
