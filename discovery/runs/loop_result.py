@@ -218,7 +218,7 @@ class LoopResult(LoopViews):
             for judge in (caution.scattered, caution.quiet):
                 told = (judge(self.errors, self._left(trained=t), trained=t) for t in (False, True))
                 found.append(next((c for c in told if c is not None), None))
-        ends = (*edges.at_edges(self.after, self.added), *edges.untold(self.after, self.named))
+        ends = (*edges.at_edges(self.after, self.added), *edges.untold(self.after, self.added))
         return [*ends, *(c for c in found if c is not None)]
 
     def _left(self, *, trained: bool) -> list[tuple[Recording, FloatArray]]:
