@@ -148,7 +148,7 @@ class Judge:
         self.starts = self.problem.expand(x[:, None])[1][:, :, 0]
         self.outputs = []
         for e in self.experiments:
-            out = e.recording.output[:, e.recording.judged].copy()
+            out = e.recording.judged_output.copy()
             if not holdout:
                 out[e.fitted] = np.nan
             self.outputs.append(out)

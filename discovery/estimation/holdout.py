@@ -153,7 +153,7 @@ class HoldOut:
         """Return measured outputs, without what is read beside them, NaN where a sample was fitted."""
         found = []
         for e in self.experiments:
-            out = e.recording.output[:, e.recording.judged].copy()
+            out = e.recording.judged_output.copy()
             if self.continued:
                 out[e.fitted] = np.nan
             found.append(out)
@@ -192,7 +192,7 @@ class HoldOut:
     @property
     def scatter(self) -> float:
         """Rms distance of the recordings that decide from the mean of each, in the unit of the output."""
-        deciding = [e.recording.output[:, e.recording.judged] for e, present in self.parts if present.any()]
+        deciding = [e.recording.judged_output for e, present in self.parts if present.any()]
         whole = [output[np.isfinite(output).all(axis=1)] for output in deciding]
         squares = [np.square(part - part.mean(axis=0)).sum(axis=1) for part in whole if part.size]
         return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")

@@ -26,11 +26,11 @@ def place_sizes(base: DeclaredBase, frequency: float, drive: float, output: floa
     stiffness, loss = (np.nan_to_num(-base.numbers(force.jacobian(a)), posinf=0, neginf=0) for a in (q, rates))
     pushed = [*enumerate(INPUT), (0, s.u)]
     push = sum(base.numbers(force.diff(a))[:, 0] * turn**k for k, a in pushed)
-    yields = np.linalg.pinv(stiffness + loss * turn + base.inertia * turn**2)
+    driven, moving = bool(np.any(push)), loss * turn + base.inertia * turn**2
+    yields = np.linalg.pinv(stiffness + moving)
     # What moves freely does so as if it were shaken at the output: near a natural frequency that is its mode. Guesses
     # may put that elsewhere, or where the output rests: a loss blunts both.
-    shaken = np.linalg.pinv(stiffness * (1.0 + _BLUNT * 1j) + loss * turn + base.inertia * turn**2)
-    motion = yields @ push if np.any(push) else shaken @ base.gradient
+    motion = yields @ push if driven else np.linalg.pinv(stiffness * (1.0 + _BLUNT * 1j) + moving) @ base.gradient
     read = sum(
         base.numbers(sp.Matrix([[sp.diff(base.equations.output, a) for a in own]]))[0] @ motion * turn**k
         for k, own in enumerate((q, rates, accelerations))
@@ -44,6 +44,6 @@ def place_sizes(base: DeclaredBase, frequency: float, drive: float, output: floa
             found[name] = output, 1.0 / frequency
             continue
         # What would hold the place still: a loss there cannot be much larger.
-        still = (max(scale, drive) if np.any(push) else scale) * abs(way @ motion) / abs(way @ yields @ way)
+        still = (max(scale, drive) if driven else scale) * abs(way @ motion) / abs(way @ yields @ way)
         found[name] = float(moved), float(np.sqrt(weight * moved / max(still, weight * moved * frequency**2)))
     return found

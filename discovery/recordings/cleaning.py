@@ -129,7 +129,7 @@ def _of_instruments(channels: Sequence[str], errors: Sequence[float]) -> float:
 
 
 def _at_other_times(found: Signals, noise: list[float], stated: Sequence[float | None]) -> tuple[float, list[Flag]]:
-    """Return by how much the times of readings at steady stamps err [s], the median of the channels, and tell it."""
+    """Return by how much the times of readings at steady stamps err [s], and tell it."""
     errors = []
     for channel, known in zip(found.channels, stated, strict=True):
         values = found.outputs[channel]

@@ -127,6 +127,11 @@ class Recording(RecordingViews):
         return judged_channels(self.channels)
 
     @property
+    def judged_output(self) -> FloatArray:
+        """Readings of the output alone, shape (n, 1), or (n, 2) of a tip's position."""
+        return self.output[:, self.judged]
+
+    @property
     def worth(self) -> FloatArray:
         """What an error of each channel counts in the unit of the output, shape (c,): as many noise sds of that."""
         found = np.ones(len(self.channels))

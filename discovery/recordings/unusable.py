@@ -50,7 +50,7 @@ def refuse_unusable(recordings: Sequence[tuple[str, Experiment]]) -> None:
 def _refuse_one(role: str, experiment: Experiment) -> None:
     """Refuse a recording whose fitted or held-out part holds no measurement, or whose input is copied."""
     r = experiment.recording
-    finite = np.asarray(np.isfinite(r.output[:, r.judged]).all(axis=1))
+    finite = np.asarray(np.isfinite(r.judged_output).all(axis=1))
     fitted = np.zeros(r.time.size, bool)
     fitted[experiment.fitted] = True
     parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}

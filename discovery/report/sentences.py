@@ -83,9 +83,8 @@ def verdict_sentence(loop: Record) -> str:
         return f"the model error {moves} from {before} to {after} {unit}, which {as_none(error)}"
     if any(step["code"] == "impossible" for step in loop.get("steps", ())):
         return f"{_REASONS['impossible']({})}, so nothing was searched"
-    part = (f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else "") + held_words(
-        error
-    )
+    part = f", {share_words(error)} of that before" if loop["effects"] and share_words(error) else ""
+    part += held_words(error)
     if loop["verdict"] == "partly_explained":
         return f"what is left is a model error of {after} {unit}{part}{depends_words(error)}"
     rest = f"and no effect is likely enough to be named{depends_words(error)}"

@@ -66,7 +66,7 @@ def _recording(role: str, e: Experiment) -> dict[str, Any]:
         "units": list(e.recording.units),
         "noise": e.recording.noise,
         "noise_estimated": e.recording.noise_estimated,
-        "signal": _signal(e.recording.output[:, e.recording.judged]),
+        "signal": _signal(e.recording.judged_output),
         "step": e.recording.steps.tolist(),
         **flagged(e.recording),
     }

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit, rig_uncertainty
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all, without_bent
@@ -148,14 +149,14 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
             search.run()
     best, geometry, steps = _on_best_mechanics(before, search, context)
     last = settled(best, context)
-    first = _declared(before, context)
+    first = last if _is_one_model(best.model, before.model) else _declared(before, context)
     if best is search.best and (confirmed := search.confirmed(last, first)) is not last:
         last = settled(confirmed, context)
     after, last = finished(last, context)
     found = {n.effect: n for n in named(search)}
     after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)
-    if (after.model.base, after.model.effects) == (before.model.base, before.model.effects):
+    if _is_one_model(after.model, before.model):
         before, first = after, last  # one model has one estimate
     elif first.chi2 < before.chi2:
         before, first = finished(settled(first, context), context)
@@ -196,6 +197,11 @@ def _searching(before: Fit, context: Context, *, led: bool) -> tuple[Fit, Search
     except ComputationError:  # on steps of its own it may blow up there
         return before, search
     return before, Search(before, context)
+
+
+def _is_one_model(one: Model, other: Model) -> bool:
+    """Return whether two models have the same mechanics and effects."""
+    return (one.base, one.effects) == (other.base, other.effects)
 
 
 def _declared(before: Fit, context: Context) -> Contender:

@@ -17,7 +17,7 @@ def loop_errors(
 ) -> dict[str, Any]:
     """Return the errors before and after, with their unit, the noise floor, and what kind of hold-out there is."""
     train, judge = context.train, context.judge
-    measured = np.concatenate([e.recording.output[e.fitted, e.recording.judged] for e in train])
+    measured = np.concatenate([e.recording.judged_output[e.fitted] for e in train])
     fitted = {w: np.concatenate([p[e.fitted] for e, p in zip(train, on_train[w], strict=True)]) for w in on_train}
     return {
         "unit": train[0].recording.units[0],

@@ -87,7 +87,7 @@ def estimate(dataset: Dataset, *, progress: Tell = silent) -> Fits:
 
 
 def _fit_errors(train, predictions) -> dict[str, Any]:
-    measured = np.concatenate([e.recording.output[e.fitted, e.recording.judged] for e in train])
+    measured = np.concatenate([e.recording.judged_output[e.fitted] for e in train])
     predicted = np.concatenate([p[e.fitted] for e, p in zip(train, predictions, strict=True)])
     found: dict[str, Any] = {"position": errors(predicted, measured)}
     if train[0].recording.channels == ("tip_x", "tip_y"):
@@ -185,7 +185,7 @@ def scored(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) -> 
         for label, fitted in (("before", result.before), ("after", result.after)):
             judge = HoldOut(dataset.train, [e], fitted.problem.units, TOLERANCE)
             ((prediction,),) = judge.predictions(fitted.problem.bench, [(fitted.model, fitted.values, [])])
-            found[e.recording.name][label] = errors(prediction, e.recording.output[:, e.recording.judged])
+            found[e.recording.name][label] = errors(prediction, e.recording.judged_output)
     return found
 
 
@@ -213,7 +213,7 @@ def continued(result: LoopResult, dataset: Dataset, *, progress: Tell = silent) 
     for label, fitted in (("before", result.before), ("after", result.after)):
         start = [fitted.values.get(name, 0.0) for name in whole.initial_names]
         (prediction,) = fitted.predict([whole], np.array([start]))
-        found[label] = errors(prediction[first.time.size :], second.output[:, second.judged])
+        found[label] = errors(prediction[first.time.size :], second.judged_output)
     return found
 
 
