@@ -15,7 +15,7 @@ from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, acausal, missed, unfinished
-from discovery.diagnosis.edges import at_edges, held_sign, lost_gain, strayed_constant, untold
+from discovery.diagnosis.edges import at_edges, combined, held_sign, lost_gain, strayed_constant, untold
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
@@ -157,6 +157,27 @@ def test_a_constant_far_above_its_guess_is_doubted(tmp_path: Path) -> None:
     assert "ends 25 times as large as its guess of 0.02, and" in words
     assert "state its `value` and `sd`" in words
     assert doubt(0.1) is doubt(20.0) is None
+
+
+def test_constants_that_are_told_together_only_are_not_said_to_stray(tmp_path: Path) -> None:
+    """What coasts tells the ratio of loss and mass, 0.25 per second, and neither of them."""
+    time = np.arange(0.0, 10.0, 0.05)
+    speed = 3.0 * np.exp(-0.25 * time) + 0.01 * np.random.default_rng(1).standard_normal(time.size)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time, speed]), delimiter=",", header="t,v", comments="")
+    rig = COAST.format(guess=500.0).replace("mass = { value = 2.0", "mass = { guess = 2.0")
+    (tmp_path / "rig.toml").write_text(rig)
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+    found = first_fit(data.train, natural_units(data.train))
+    assert strayed_constant(found) is None
+    together = combined(found)
+    assert together is not None
+    assert (together.code, {together.about, *together.numbers["others"]}) == ("combined", {"mass", "loss"})
+    assert "the recordings tell mass and loss of the declared model together only" in caution_sentence(
+        together.summary()
+    )
+    (tmp_path / "rig.toml").write_text(COAST.format(guess=0.4))
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"])
+    assert combined(first_fit(data.train, natural_units(data.train))) is None
 
 
 HANGING = """

@@ -1447,7 +1447,7 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
         (
             -25.6,
             14.2,
-            "but loses 25.6 on the held-out recordings over its intervals; its estimate alone gains 14.2 there",
+            "but loses 25.6 on the held-out recordings, which its intervals do not hold; its estimate alone gains 14.2",
         ),
         (0.0, 2.0, ", and nothing on the held-out recordings over its intervals; its estimate alone gains 2.00 there"),
         (-1e-9, 0.0, ", and nothing on the held-out"),

@@ -312,6 +312,8 @@ def test_oscillator_errors(write, old, new, message):
         ("g", ', reads = "acceleration"', "line 6: the key 'columns.output.unit' is 'g', a mass.*mean 'g_0'"),
         ("mg", ', reads = "acceleration"', "Did you mean 'mg_0'"),
         ("g", "", 'an angle, or in volts. Did you mean .g_0.*also needs reads = "acceleration"'),
+        ("g", "", "A force that a scale shows is in 'gf', and the output of a .system. in its own equations"),
+        ("kg", "", "Correct the unit.*A force that a scale shows is in 'kgf'"),
         ("kg", ', reads = "acceleration"', "a mass, but the output is read as an acceleration.*Correct the unit"),
         ("mm", ', reads = "acceleration"', "'mm', a length, but"),
         ("deg", ', reads = "acceleration"', "'deg', an angle, but"),

@@ -11,7 +11,7 @@ from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.parts import spins, turns_back
+from discovery.recordings.parts import course, spins, turns_back
 
 RIG = """
 name = "sledge"
@@ -63,13 +63,26 @@ def test_a_shaft_that_goes_on_through_full_turns_has_no_place_of_rest(
     (tmp_path / "rig.toml").write_text(rig)
     train = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train
     assert spins(train) is goes_on
-    found = {*candidates(declared_model(train[0]), train[0].coordinate_unit, spins=goes_on)}
+    found = {*candidates(declared_model(train[0]), train[0].coordinate_unit, **course(train))}
     springs = {e for e in found if e.startswith(("linear_stiffness", "negative_stiffness"))}
     assert bool(springs) is not goes_on
     # No camera reads a speed, nor full turns.
-    assert ("perspective" in found) is (output == "x" and not goes_on)
+    assert "perspective" not in found
     # What is the same in each turn is shown by it.
     assert any(e.startswith("cogging") for e in found)
+
+
+@pytest.mark.parametrize(("largest", "shown"), [(0.9, True), (1.1, False)])
+def test_a_picture_shows_an_angle_up_to_half_a_turn_from_its_zero(
+    tmp_path: Path, largest: float, *, shown: bool
+) -> None:
+    read = largest * np.pi * np.sin(3.0 * TIME)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([TIME, read]), delimiter=",", header="t,read", comments="")
+    rig = RIG.format(output="x", unit="rad").replace("N s/m", "N m s").replace('x = "m"', 'x = "rad"')
+    (tmp_path / "rig.toml").write_text(rig.replace('"kg"', '"kg m^2"'))
+    train = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"]).train
+    found = candidates(declared_model(train[0]), train[0].coordinate_unit, **course(train))
+    assert ("perspective" in found) is shown
 
 
 @pytest.mark.parametrize(("unit", "offered"), [("m", True), ("pixel", True), ("V", True), ("N", False), ("N m", False)])

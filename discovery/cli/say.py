@@ -77,7 +77,7 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
         + (f", {p['reason']}" if "reason" in p else "")
         for n, p in effect["parameters"].items()
     )
-    first = "; another recording is predicted with that of the first"
+    first = "; a held-out recording has its own, fitted to it, and any other is predicted with that of the first"
     values += first if any(is_start(n) for n in effect["parameters"]) else ""
     rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
     sure, name = effect_sentence(effect), effect_name(effect["id"])

@@ -48,6 +48,7 @@ class Caution:
     """One reason not to believe an answer."""
 
     #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far from its guess),
+    #: "combined" (a constant that the recordings tell together with `others` only),
     #: "held_sign" (a constant of the declared model that ends at zero and would go beyond), "far_start" (`value`, `sd`
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
     #: "lost_gain" (of the input, not told from zero any more: `value`, `sd`, `unit`, `before` and `before_sd`),

@@ -49,14 +49,28 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
 
 
 def strayed_constant(fitted: Fit) -> Caution | None:
-    """Return the constant of a declared system that ends farthest from its guess; None where none is far from it."""
-    far = strayed(fitted)
+    """Return the constant of a declared system that ends farthest from its guess; None where none is far from it.
+
+    One that is told together with others only may be anywhere, see `combined`.
+    """
+    open_ends = {name for together in fitted.null_directions for name in together}
+    far = {n: x for n, x in strayed(fitted).items() if n not in open_ends}
     if not far:
         return None
     name, *others = sorted(far, key=lambda n: -abs(math.log(far[n])))
     guess, unit = fitted.model.parameters[name].default, fitted.told(name)["unit"]
     numbers = {"value": fitted.values[name], "guess": guess, "unit": unit, "others": others}
     return Caution("strayed", name, numbers=numbers)
+
+
+def combined(fitted: Fit) -> Caution | None:
+    """Return a constant of a declared system that is told together with others only; None where none is."""
+    for together in fitted.null_directions:
+        names = [n for n in together if n in fitted.problem.free and n not in fitted.problem.gaussian]
+        first, *others = sorted(names, key=lambda n: not fitted.model.parameters[n].physical) or [""]
+        if others and fitted.model.parameters[first].physical:
+            return Caution("combined", first, numbers={"others": others})
+    return None
 
 
 def held_sign(declared: Fit, final: Fit) -> Caution | None:

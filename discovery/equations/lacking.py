@@ -23,6 +23,7 @@ def candidates(
     *,
     turns: bool = True,
     spins: bool = False,
+    winds: bool = False,
     several: bool = True,
 ) -> tuple[str, ...]:
     """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
@@ -30,8 +31,9 @@ def candidates(
     `unit`: unit of an oscillator's coordinate: laws of an angle ask for radians. `declared`: effects of the model that
     its rig file declares, which say whether anything ties the coordinate; all otherwise. `turns`: whether the recorded
     motion turns back, which laws of memory ask for. `spins`: whether it goes on and on through full turns, which no
-    law of the place does but one that is the same in each of them, and no picture shows. `several`: whether there are
-    several recordings: in one a law whose values differ between them is no other than the one that it contains.
+    law of the place does but one that is the same in each of them. `winds`: whether an angle that is read goes
+    farther than half a turn from its zero, which no picture shows as a distance. `several`: whether there are several
+    recordings: in one a law whose values differ between them is no other than the one that it contains.
     """
     placed_at = model.mechanics.places()
     acting = _at_places(model) if placed_at else _on_the_coordinate(model, unit, declared)
@@ -42,7 +44,7 @@ def candidates(
         effect = get_effect(name)
         turning = (placed_at[effect.place].unit if effect.place else unit) in ("rad", "1")
         held = (effect.anchored or effect.kind == "potential") and not effect.angular
-        read = not effect.pictured or not (spins or "/s" in unit or is_force(unit))
+        read = not effect.pictured or not (winds or "/s" in unit or is_force(unit))
         told = (turns or not effect.remembers) and (several or not (effect.own() and effect.reduces_to))
         return read and told and name not in contained and not (spins and turning and held)
 

@@ -202,6 +202,22 @@ def spins(experiments: Sequence[Experiment]) -> bool:
     return ways is not None and all(w.size and np.ptp(w) > 2 * np.pi and not _reversals(w, n) for w, n in ways)
 
 
+def _winds(experiments: Sequence[Experiment]) -> bool:
+    """Return whether an angle that is read goes farther than half a turn from its zero."""
+    read = [e.recording.output[e.fitted, 0] for e in experiments if e.recording.units[0] == "rad"]
+    return any(np.nanmax(np.abs(angle), initial=0.0) > np.pi for angle in read)
+
+
+def course(experiments: Sequence[Experiment]) -> dict[str, bool]:
+    """Return what of recordings decides which effects they could show, see `equations.lacking.candidates`."""
+    return {
+        "turns": turns_back(experiments),
+        "spins": spins(experiments),
+        "winds": _winds(experiments),
+        "several": len(experiments) > 1,
+    }
+
+
 def _ways(experiments: Sequence[Experiment]) -> list[tuple[FloatArray, float]] | None:
     """Return the positions of every recording, see `_way`; None where they are not those on which effects act."""
     first = experiments[0]

@@ -9,7 +9,7 @@ from typing import Any
 from discovery.declarations.registry import effect_name
 from discovery.declarations.units import quoted
 from discovery.foundation.estimate_text import decimals, estimate_text, figures
-from discovery.report.numbers import plain
+from discovery.report.numbers import listed, plain
 
 Record = Mapping[str, Any]
 
@@ -170,6 +170,10 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         "faster motions"
     ),
     "strayed": _strayed,
+    "combined": lambda found: (
+        f"the recordings tell {listed([found['about'], *found['numbers']['others']])} of the declared model together "
+        "only: each may have another size, and the rest makes up for it. State the `value` of one of them"
+    ),
     "held_sign": _held_sign,
     "far_start": _far_start,
     "acausal": _acausal,

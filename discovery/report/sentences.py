@@ -161,7 +161,8 @@ def _held_out(numbers: Record) -> str:
         return f"the log evidence {_both(numbers)}, but its estimate alone {alone} there"
     # After "gains" in training the verb is said again only of another one.
     missed = f"but {_change(held, few=True).removeprefix('gains ')}" if abs(held) >= _NOTHING else "and nothing"
-    alone = f" over its intervals; its estimate alone gains {plain(ahead)} there" if held < _NOTHING <= ahead else ""
+    how = ", which its intervals do not hold" if held <= -_NOTHING else " over its intervals"
+    alone = f"{how}; its estimate alone gains {plain(ahead)} there" if held < _NOTHING <= ahead else ""
     return f"the log evidence {_change(numbers['train'])} nats in training, {missed} on the held-out recordings{alone}"
 
 

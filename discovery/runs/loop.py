@@ -148,11 +148,11 @@ def _closed(context: Context, whole: Context, course: Course) -> LoopResult:
         with course.searching(lambda: len(search.offers), context.settings.budget.offers):
             search.run()
     best, geometry, steps = _on_best_mechanics(before, search, context)
-    last = settled(best, context)
+    # On steps that shift no estimate a set may predict otherwise than it did in the search.
+    after, last = finished(settled(best, context), context)
     first = last if _is_one_model(best.model, before.model) else _declared(before, context)
     if best is search.best and (confirmed := search.confirmed(last, first)) is not last:
-        last = settled(confirmed, context)
-    after, last = finished(last, context)
+        after, last = finished(settled(confirmed, context), context)
     found = {n.effect: n for n in named(search)}
     after = without_bent(after, found)
     complete = not doubted and is_complete(last, search.root, context)

@@ -20,7 +20,7 @@ from discovery.estimation.problem import conventions
 from discovery.estimation.step_control import affordable_bench, unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
-from discovery.recordings.parts import spins, turns_back
+from discovery.recordings.parts import course
 from discovery.selection.settings import LoopSettings
 
 #: Seven tenths of the prior of the model error lie below so many times its scale: what is there counts as none.
@@ -63,14 +63,13 @@ class Context:
         return 2 * np.pi * self.units.time
 
     @cached_property
-    def _recorded(self) -> dict[str, bool]:
-        """What of the recordings decides which effects they could show."""
-        return {"turns": turns_back(self.train), "spins": spins(self.train), "several": len(self.train) > 1}
+    def _course(self) -> dict[str, bool]:
+        return course(self.train)
 
     def candidates(self, model: Model, *, which: Callable[..., tuple[str, ...]] = candidates) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
         first = self.train[0]
-        return which(model, first.coordinate_unit, first.rig.declared, **self._recorded)
+        return which(model, first.coordinate_unit, first.rig.declared, **self._course)
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
