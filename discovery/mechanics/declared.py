@@ -199,7 +199,7 @@ class DeclaredBase(Base):
         q, (first, _) = self.moving[0], next(iter(self.equations.places.values()))
         return len(q) == 1 and first == self.equations.output and bool((first / q[0]).is_number)
 
-    @property
+    @cached_property
     def is_pushed(self) -> bool:
         """Whether an input acts that is no motion."""
         return s.u in sp.Tuple(*self.mechanics().force).free_symbols

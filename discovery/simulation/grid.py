@@ -65,9 +65,10 @@ class Grid:
         knots = np.concatenate([[start], inner[np.diff(inner, prepend=start) > 1e-6 * step], [end], after])
         shown = knots if pace is None else pace.shown(knots)
         counts = np.maximum(1, np.ceil(np.diff(shown) / step - 1e-9)).astype(int)
-        edges = np.concatenate(
-            [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(shown[:-1], shown[1:], counts, strict=True)]
-            + [shown[-1:]]
+        first = np.cumsum(counts) - counts
+        within = np.arange(counts.sum()) - np.repeat(first, counts)
+        edges = np.append(
+            within * np.repeat(np.diff(shown) / counts, counts) + np.repeat(shown[:-1], counts), shown[-1]
         )
         if pace is not None:
             edges = pace.when(edges)
@@ -75,7 +76,7 @@ class Grid:
             edges[0] = start
         times, steps = edges[:-1], np.diff(edges)
         restart = np.zeros(times.size, bool)
-        restart[np.concatenate([[0], np.cumsum(counts)[:-1]])] = True
+        restart[first] = True
         values = np.zeros((times.size, len(method.times), 3))
         out_drive = np.zeros((time.size, 3))
         if drive is not None:
