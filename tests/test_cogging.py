@@ -24,7 +24,7 @@ output = { name = "angle", unit = "rad", noise = 2e-4 }
 INERTIA, LOSS, SIZE, PERIODS = 2e-3, 4e-3, 5e-4, 12
 
 
-def turned(path: Path, seed: int) -> Path:
+def turned(path: Path, seed: int, size: float = SIZE) -> Path:
     """Write the angle of a motor under a torque of five tones, 8 s at 200 Hz."""
     time, rng = np.arange(0.0, 8.0, 0.005), np.random.default_rng(seed)
     tones, phases = 2 * np.pi * np.array([0.2, 0.37, 0.61, 0.9, 1.3]), rng.uniform(0, 2 * np.pi, 5)
@@ -33,7 +33,7 @@ def turned(path: Path, seed: int) -> Path:
         return float(0.03 * np.sin(tones * t + phases).sum())
 
     def slopes(t: float, state: np.ndarray) -> list[float]:
-        pull = torque(t) - LOSS * state[1] - SIZE * np.sin(PERIODS * state[0] + 0.4)
+        pull = torque(t) - LOSS * state[1] - size * np.sin(PERIODS * state[0] + 0.4)
         return [state[1], pull / INERTIA]
 
     angle = solve_ivp(slopes, (0.0, time[-1]), [0.0, 0.0], "DOP853", time, rtol=1e-8, atol=1e-10, max_step=0.01).y[0]
@@ -79,3 +79,15 @@ def test_it_is_named_in_a_drive(tmp_path: Path) -> None:
     assert values["N_c"] == pytest.approx(PERIODS, abs=4 * sd["N_c"])
     assert np.hypot(values["n_a"], values["n_b"]) == pytest.approx(SIZE / INERTIA, rel=0.01)
     assert found.errors["after"]["holdout"]["rms"] < 2.2e-4 < 5e-3 < found.errors["before"]["holdout"]["rms"]
+
+
+def test_teeth_that_hold_the_rotor_are_counted_from_the_beginning_of_the_recordings(tmp_path: Path) -> None:
+    """A free run is soon at another tooth, and a fit without teeth has pushed the inertia far off."""
+    stated, size = 'kind = "drive"\ninertia_kg_m2 = { value = 2.1e-3, sd = 1e-4 }', 24 * SIZE
+    (tmp_path / "rig.toml").write_text(RIG.replace('kind = "drive"', stated), encoding="utf-8")
+    train = [turned(tmp_path / f"train_{k}.csv", k, size) for k in (31, 32)]
+    found = close_loop(load_dataset(tmp_path / "rig.toml", train, [turned(tmp_path / "held.csv", 33, size)]))
+    assert (found.verdict, found.added) == ("explained", ("cogging",))
+    values = found.after.values
+    assert values["N_c"] == pytest.approx(PERIODS, abs=1e-3)
+    assert np.hypot(values["n_a"], values["n_b"]) == pytest.approx(size / INERTIA, rel=0.01)

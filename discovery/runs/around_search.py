@@ -56,7 +56,7 @@ def _again(found: Fit, effect: str) -> Refit | None:
     problem, minimum = held_fixed(without.problem, without.minimum)
     names = [effect]
     scored = screen(minimum, problem, names)
-    quick = refit(minimum, problem, scored, finite=finite_starts(minimum, problem, names))
+    quick = refit(minimum, problem, scored, finite=finite_starts(minimum, problem, names, without.problem.gaussian))
     return next(iter(finish(without.problem, without.minimum, quick)), None)
 
 

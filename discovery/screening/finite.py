@@ -9,22 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
 from scipy.signal import savgol_filter
 
 from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
 from discovery.equations.program import build_program
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import grid_of
+from discovery.screening.beginning import led
 from discovery.simulation.kernel.compile import numpy_derivative
 
-#: A start of a refit: effect, its free values, and values of other free parameters that go with them.
+#: A start of a refit: effect, its free values, and values of others that go with them: free, or held there.
 FarStart = tuple[str, FloatArray, Mapping[str, float]]
+#: Of a rig that knows nothing.
+NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
 #: Finite values of an effect.
 _Grid = Sequence[Mapping[str, float]]
 #: An effect with values on its grid.
@@ -48,18 +53,21 @@ _TOGETHER = 4e6
 _STEP = 1e-4
 
 
-def finite_starts(minimum: Minimum, problem: Problem, names: Sequence[str]) -> list[FarStart]:
+def finite_starts(
+    minimum: Minimum, problem: Problem, names: Sequence[str], stated: Mapping[str, tuple[float, float]] = NOTHING
+) -> list[FarStart]:
     """Return starts of refits with what goes with each: all that is fitted for laws of many shapes, else `alpha`.
 
-    `minimum`, `problem`: the fit so far. `names`: candidate effects. Returned: at most two for each effect of few
-    shapes, the best sizes by chi-square; of others see `along`.
+    `minimum`, `problem`: the fit so far. `names`: candidate effects. `stated`: mean and standard deviation of what the
+    rig knows, which the fit holds. Returned: at most two for each effect of few shapes, the best sizes by chi-square;
+    of others see `starts_along`.
     """
     system = problem.model.mechanics.system
     own = [get_effect(name) for name in names if get_effect(name).kind in _KINDS]
     grids = {effect.id(): grid_of(effect, system, problem.units) for effect in own}
     many = {name: grid for name, grid in grids.items() if len(grid) > 2 * MOST_SHAPES}
     few = {name: grid for name, grid in grids.items() if name not in many}
-    return [*_beside_stiffness(minimum, problem, few), *starts_along(minimum, problem, many)]
+    return [*_beside_stiffness(minimum, problem, few), *starts_along(minimum, problem, many, stated)]
 
 
 def _beside_stiffness(minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid]) -> list[FarStart]:
@@ -110,29 +118,55 @@ def _vector(name: str, values: Mapping[str, float], system: str) -> FloatArray:
     return np.array([values[p.name] for p in get_effect(name).fitted(system)])
 
 
-def starts_along(minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid]) -> list[FarStart]:
+def starts_along(
+    minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid], stated: Mapping[str, tuple[float, float]] = NOTHING
+) -> list[FarStart]:
     """Return starts of refits at the shapes that explain best which force the recorded motion lacks.
 
     The teeth of a motor hold on to its rotor and let it go. The motion of a model without them is soon at another
     tooth, and what a little of the law does there tells no number of teeth. The recorded motion is at the right one.
 
-    `minimum`, `problem`: the fit so far. `grids`: the shapes of each candidate effect. Returned: effect, its values,
-    and those of all else that is fitted; none where the reading is not that of the only coordinate or of its rate.
+    `minimum`, `problem`, `stated`: as for `finite_starts`. `grids`: the shapes of each candidate effect. Returned:
+    effect, its values, and those of all else that is fitted, as they are, and led from the beginning of the recordings
+    to the whole of them, where a wrong model has no say in what the rig knows; none where the reading is not that of
+    the only coordinate or of its rate.
     """
     order = _read(problem) if grids else None
     if order is None:
         return []
-    found: list[FarStart] = []
+    found, problems, vectors, near = [], [], [], []
+    known = {n: own for n, own in stated.items() if n in problem.model.known}
     for (name, grid), window in product(grids.items(), _WINDOWS):
         lack = _Lack(problem, name, order, window)
         if not lack.motions:
             continue
         for vector in lack.best(dict(zip(problem.names, minimum.x, strict=True)), grid):
-            added = [p.name for p in get_effect(name).fitted(problem.model.mechanics.system)]
-            others = {n: v for n, v in vector.items() if n not in added}
-            others |= {s.name: s.guess for s in problem.states if s.row < 2}
-            found.append((name, np.array([vector[n] for n in added]), others))
-    return found
+            values = vector | {s.name: s.guess for s in problem.states if s.row < 2}
+            found.append(_far_start(lack.extended, lack.extended.start(values)))
+            problems.append(_freed(lack.extended, known))
+            vectors.append(problems[-1].start(values | {n: mean for n, (mean, _) in known.items()}))
+            near.append({n: (vector[n], apart) for n, apart in _spacing(grid).items()})
+    return [*found, *(_far_start(p, x) for p, x in zip(problems, led(problems, vectors, near), strict=True))]
+
+
+def _freed(problem: Problem, stated: Mapping[str, tuple[float, float]]) -> Problem:
+    """Return a problem in which what the rig knows is free, as it states it."""
+    model = problem.model
+    known = {n: v for n, v in model.known.items() if n not in stated}
+    return Problem(Model(model.base, model.effects, known), problem.bench, problem.units, dict(stated))
+
+
+def _spacing(grid: _Grid) -> dict[str, float]:
+    """Return the least distance between the values of a grid, of each that has several."""
+    values = {name: sorted({point[name] for point in grid}) for name in grid[0]}
+    return {name: float(np.min(np.diff(own))) for name, own in values.items() if len(own) > 1}
+
+
+def _far_start(extended: Problem, x: FloatArray) -> FarStart:
+    """Return the start of the last effect of a problem, and of all else that is free."""
+    name, values = extended.model.effects[-1], extended.named(x)
+    added = [p.name for p in get_effect(name).fitted(extended.model.mechanics.system)]
+    return name, np.array([values[n] for n in added]), {n: v for n, v in values.items() if n not in added}
 
 
 def _read(problem: Problem) -> int | None:

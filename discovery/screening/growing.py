@@ -15,12 +15,12 @@ import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems, near_the_best
-from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import variance_left
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import screen
+from discovery.screening.beginning import beginning
 from discovery.screening.finite import finite_starts
 from discovery.screening.refits import Refit, refit, settled
 
@@ -72,7 +72,7 @@ def _followed(
     minimum: Minimum, problem: Problem, names: Sequence[str], share: float
 ) -> list[tuple[Model, Mapping[str, float]]]:
     """Return models with a candidate each and their values, from a first share of the recordings to half of them."""
-    short = _beginning(problem, share)
+    short = beginning(problem, share)
     begun = {n: v for n, v in zip(problem.free, minimum.x, strict=False) if n not in problem.gaussian}
     begins = [begun, {}] if problem.bench.experiments[0].rig.system is not None else [begun]
     minima = fit_problems([short] * len(begins), [short.start(b) for b in begins], iterations=_ITERATIONS)
@@ -85,7 +85,7 @@ def _followed(
     models = [r.problem.model for r in found]
     values: list[Mapping[str, float]] = [r.values for r in found]
     while (share := 2 * share) < 1:
-        longer = _beginning(problem, share)
+        longer = beginning(problem, share)
         problems = [Problem(model, longer.bench, problem.units, problem.gaussian) for model in models]
         starts = [p.start(v) for p, v in zip(problems, values, strict=True)]
         minima = fit_problems(problems, starts, iterations=_ITERATIONS, tolerance=1e-3, rough=True, race=True)
@@ -101,14 +101,3 @@ def _share(experiment: Experiment, duration: float, *, still: bool) -> float:
     deflection = np.abs(experiment.deflection[experiment.fitted])
     moves = np.flatnonzero(deflection > _MOVES * np.nanmax(deflection))[0] if still else 0
     return float((time[moves] + duration - time[0]) / (time[-1] - time[0]))
-
-
-def _beginning(problem: Problem, share: float) -> Problem:
-    """Return the problem of the first part of every recording."""
-    bench = problem.bench
-    counts = [max(16, int(share * e.recording.time[e.fitted].size)) for e in bench.experiments]
-    experiments = [e.first(n) for e, n in zip(bench.experiments, counts, strict=True)]
-    part = Bench(bench.base, bench.effects, experiments, bench.step)
-    # Not what an effect held by convention that was taken out again.
-    gaussian = {n: g for n, g in problem.gaussian.items() if n in problem.free}
-    return Problem(problem.model, part, problem.units, gaussian)

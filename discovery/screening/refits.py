@@ -121,7 +121,9 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
     n_data = problem.bench.n_data
     race = Race(n_data, SLOW)
     for effects, vector, columns, others, own in starts:
-        extended = Problem(problem.model.with_effect(*effects), problem.bench, problem.units, problem.gaussian)
+        extended = Problem(
+            _holding(problem.model, others).with_effect(*effects), problem.bench, problem.units, problem.gaussian
+        )
         old = [extended.names.index(n) for n in problem.names]
         added = [i for i, n in enumerate(extended.free) if n not in problem.free]
         lower, upper = extended.bounds
@@ -178,6 +180,12 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
     )
 
 
+def _holding(model: Model, others: Mapping[str, float] | None) -> Model:
+    """Return a model that holds what it knows at other values, if these are given."""
+    known = {n: (others or {}).get(n, value) for n, value in model.known.items()}
+    return Model(model.base, model.effects, known)
+
+
 def _quick(
     problem: Problem, x: FloatArray, jacobian: FloatArray, iterations: int, is_behind: Callable[[float, int], bool]
 ) -> Request:
@@ -197,15 +205,16 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh
     """
     nuisance = [n for n in problem.gaussian if n in problem.free]
     fitted = problem.named(minimum.x)
-    # As fitted so far, and as the rig states; what may not be negative, from inside its bounds.
+    # What may not be negative is stated inside its bounds.
     stated = {n: mean if mean > 0 else 0.5 * sd for n, (mean, sd) in problem.gaussian.items()}
-    starts = [{n: fitted[n] for n in nuisance}]
-    if any(abs(fitted[n] - stated[n]) > problem.gaussian[n][1] for n in nuisance):
-        starts.append({n: stated[n] for n in nuisance})
     problems, vectors = [], []
     for r in quick:
         model = Model(problem.model.base, r.problem.model.effects, problem.model.known)
         extended = Problem(model, r.problem.bench, problem.units, problem.gaussian)
+        # As held, and as the rig states.
+        starts = [{n: r.problem.model.known.get(n, fitted[n]) for n in nuisance}]
+        if any(abs(starts[0][n] - stated[n]) > problem.gaussian[n][1] for n in nuisance):
+            starts.append({n: stated[n] for n in nuisance})
         for known in starts:
             problems.append(extended)
             vectors.append(extended.start({**r.values, **known}))

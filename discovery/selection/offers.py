@@ -69,7 +69,7 @@ class Offers:
         problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
 
         def whole() -> list[Refit]:
-            starts = finite_starts(minimum, problem, names) if node.is_far else []
+            starts = finite_starts(minimum, problem, names, node.refit.problem.gaussian) if node.is_far else []
             quick = refit(minimum, problem, scored, finite=starts)
             quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
