@@ -391,7 +391,7 @@ def test_an_added_effect_of_no_size_that_is_told_is_a_doubt(tmp_path: Path) -> N
     fitted = fit(model, found.problem.bench.experiments, start=found.own_values)
     (told,) = untold(fitted, ("coulomb_friction_at_body",))
     assert (told.code, told.about, told.effect) == ("untold", "f_c_body", "coulomb_friction_at_body")
-    assert "none of its sizes is told from zero, f_c_body = " in caution_sentence(told.summary())
+    assert "none of its sizes lies 3 sds from zero, f_c_body = " in caution_sentence(told.summary())
     assert untold(fitted, ()) == []
 
 

@@ -215,7 +215,7 @@ CODES: dict[str, tuple[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "times_err": (
         "doubt",
         "Readings scatter the more, the faster they move, as if each were taken {jitter:unit2} (sd) from its stamp, "
-        "though the stamps are steady (a step of {step:unit}): so do frames of a film that are written out at another "
+        "though the stamps are steady (a step of {step:unit}): so do resampled readings, as those of a film at another "
         "rate. Slope times that is added to their noise. Give the times at which readings were really taken; or state "
         "the error, time = {{ ..., jitter = {entry:g} }}, where you know it.",
     ),

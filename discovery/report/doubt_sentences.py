@@ -182,7 +182,7 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         "check units, signs, and constants that the rig file states"
     ),
     "untold": lambda found: (
-        f"{effect_name(found['effect'])} serves, but none of its sizes is told from zero, {found['about']} = "
+        f"{effect_name(found['effect'])} serves, but none of its sizes lies 3 sds from zero, {found['about']} = "
         f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: another law may do the same"
     ),
     "lost_gain": lambda found: (
