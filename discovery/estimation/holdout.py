@@ -10,6 +10,7 @@ import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
+from discovery.estimation.beginning import from_the_beginning
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.least_squares import Minimum
@@ -231,18 +232,21 @@ def fitted_states(problems: Sequence[Problem]) -> list[FloatArray]:
     starts = [_state_starts(p) for p in problems]
     if not any(each[0].size for each in starts):
         return [first for first, *_ in starts]
-    minima = fit_problems(
-        [p for p, each in zip(problems, starts, strict=True) for _ in each],
-        [x for each in starts for x in each],
-        iterations=_ITERATIONS,
-        tolerance=_PRECISE,
-        rough=True,
-    )
-    alone, found = len(problems[0].bench.experiments) == 1, []
+    ways = [p for p, each in zip(problems, starts, strict=True) for _ in each]
+    minima = _fitted(ways, [x for each in starts for x in each])
+    # One minimum for every swing that is gained or lost: the beginning has one.
+    led = from_the_beginning(ways, minima)
+    again = dict(zip(led, _fitted([ways[i] for i in led], list(led.values())), strict=True))
+    alone, found, first = len(problems[0].bench.experiments) == 1, [], 0
     for p, each in zip(problems, starts, strict=True):
-        own, minima = [m for m in minima[: len(each)] if np.isfinite(m.cost)], minima[len(each) :]
+        tried = range(first, first := first + len(each))
+        own = [m for i in tried for m in (minima[i], again.get(i)) if m is not None and np.isfinite(m.cost)]
         found.append(_best(p, own) if own else each[0] if alone else _apart(p))
     return found
+
+
+def _fitted(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Minimum]:
+    return fit_problems(problems, starts, iterations=_ITERATIONS, tolerance=_PRECISE, rough=True)
 
 
 def held_out(

@@ -18,12 +18,12 @@ from scipy.signal import savgol_filter
 from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
+from discovery.estimation.beginning import led
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import grid_of
-from discovery.screening.beginning import led
 from discovery.simulation.kernel.compile import numpy_derivative
 
 #: A start of a refit: effect, its free values, and values of others that go with them: free, or held there.

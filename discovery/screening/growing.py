@@ -15,12 +15,12 @@ import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems, near_the_best
+from discovery.estimation.beginning import beginning
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import variance_left
 from discovery.recordings.experiment import Experiment
 from discovery.screening.attribution import screen
-from discovery.screening.beginning import beginning
 from discovery.screening.finite import finite_starts
 from discovery.screening.refits import Refit, refit, settled
 
