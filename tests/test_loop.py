@@ -22,12 +22,16 @@ from discovery_datasets.recordings import MANOEUVRES
 from discovery_datasets.twin import PAPER_RIG, record, simulate
 
 from discovery.estimation.covariance import covariance_of
+from discovery.estimation.fit import Fit
 from discovery.recordings.dataset import load_dataset
 from discovery.results.provenance import plain
+from discovery.runs import loop
 from discovery.runs.around_search import contradiction_of, designs
 from discovery.runs.loop import close_loop
 from discovery.runs.loop_result import LoopResult
+from discovery.selection.contender import Contender
 from discovery.selection.context import Context
+from discovery.selection.search import Search
 from discovery.selection.settings import LoopSettings
 
 DATASETS = Path(__file__).parents[1] / "datasets"
@@ -434,6 +438,26 @@ def test_steps_of_the_search_are_as_long_as_the_noise_allows(monkeypatch: pytest
         close_loop([replace(train, recording=recording)], [])
     assert train.rig.length is not None
     assert asked == [LoopSettings().tolerance, pytest.approx(0.06 * 3e-3 / train.rig.length.value)]
+
+
+def test_what_is_confirmed_is_the_set_on_its_final_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On coarser steps a law that sticks may predict what it does not on its own."""
+    seen: list[Any] = []
+    finish, confirm = loop.finished, Search.confirmed
+
+    def confirmed(search: Search, last: Contender, declared: Contender) -> Contender:
+        seen.append(last)
+        return confirm(search, last, declared)
+
+    def finished(found: Contender, context: Context) -> tuple[Fit, Contender]:
+        seen.append(finish(found, context))
+        return seen[-1]
+
+    monkeypatch.setattr(Search, "confirmed", confirmed)
+    monkeypatch.setattr(loop, "finished", finished)
+    assert close_loop(load_dataset(DATASETS / "spring_bench" / "rig.toml")).added == ("coulomb_friction",)
+    (_, final), given = seen[:2]
+    assert given is final
 
 
 def test_fewer_manoeuvres_are_tried_where_one_takes_long() -> None:

@@ -602,7 +602,7 @@ def test_a_set_is_refitted_from_the_declared_guesses_where_its_fit_went_astray()
     x = found.minimum.x.copy()
     x[found.problem.names.index("alpha")] = 400.0
     lost = dataclasses.replace(found, minimum=dataclasses.replace(found.minimum, x=x))
-    (stuck,), (afresh,) = (finish(root.refit.problem, root.refit.minimum, [lost], afresh=a) for a in (False, True))
+    (stuck,), (afresh,) = (finish(root.refit.problem, [lost], afresh=a) for a in (False, True))
     assert afresh.chi2 == pytest.approx(found.chi2, rel=1e-3)
     assert stuck.chi2 > 10 * found.chi2
 

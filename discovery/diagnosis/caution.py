@@ -53,7 +53,7 @@ class Caution:
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
     #: "lost_gain" (of the input, not told from zero any more: `value`, `sd`, `unit`, `before` and `before_sd`),
     #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule),
-    #: "untold" (an added effect of no size that is told from zero: `value`, `sd` and `unit` of the first of them),
+    #: "untold" (an added effect of no size 3 sds from zero: `value`, `sd` and `unit` of the first of them),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "stamps" (that err, see `diagnosis.stamps`), "burst" (where it lies in time), "like_noise" (of the
     #: instrument), "not_carried", "scattered", "quiet".

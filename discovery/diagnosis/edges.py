@@ -53,8 +53,8 @@ def strayed_constant(fitted: Fit) -> Caution | None:
 
     One that is told together with others only may be anywhere, see `combined`.
     """
-    open_ends = {name for together in fitted.null_directions for name in together}
-    far = {n: x for n, x in strayed(fitted).items() if n not in open_ends}
+    together = {name for found in combined(fitted) for name in (found.about, *found.numbers["others"])}
+    far = {n: x for n, x in strayed(fitted).items() if n not in together}
     if not far:
         return None
     name, *others = sorted(far, key=lambda n: -abs(math.log(far[n])))
@@ -63,14 +63,15 @@ def strayed_constant(fitted: Fit) -> Caution | None:
     return Caution("strayed", name, numbers=numbers)
 
 
-def combined(fitted: Fit) -> Caution | None:
-    """Return a constant of a declared system that is told together with others only; None where none is."""
+def combined(fitted: Fit) -> list[Caution]:
+    """Return the constants of a declared system that are told together with other parameters only."""
+    found = []
     for together in fitted.null_directions:
         names = [n for n in together if n in fitted.problem.free and n not in fitted.problem.gaussian]
         first, *others = sorted(names, key=lambda n: not fitted.model.parameters[n].physical) or [""]
         if others and fitted.model.parameters[first].physical:
-            return Caution("combined", first, numbers={"others": others})
-    return None
+            found.append(Caution("combined", first, numbers={"others": others}))
+    return found
 
 
 def held_sign(declared: Fit, final: Fit) -> Caution | None:
@@ -134,9 +135,10 @@ def far_start(final: Fit) -> Caution | None:
 
 
 def untold(final: Fit, added: Iterable[str]) -> list[Caution]:
-    """Return the added effects none of whose sizes is told from zero; what tells them apart is how they move together.
+    """Return the added effects none of whose sizes lies 3 sds from zero.
 
-    A shape, as a width or a frequency, has no zero. Of what is too bent for an interval nothing is said.
+    They are told from none by how they move together. A shape, as a width or a frequency, has no zero. Of what is too
+    bent for an interval nothing is said.
     """
     found = []
     for effect in (e for e in added if e in final.model.effects):

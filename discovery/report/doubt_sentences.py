@@ -171,8 +171,8 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     ),
     "strayed": _strayed,
     "combined": lambda found: (
-        f"the recordings tell {listed([found['about'], *found['numbers']['others']])} of the declared model together "
-        "only: each may have another size, and the rest makes up for it. State the `value` of one of them"
+        f"the recordings tell {listed([found['about'], *found['numbers']['others']])} together only: each may have "
+        f"another size, and the rest makes up for it. State the `value` of {found['about']}"
     ),
     "held_sign": _held_sign,
     "far_start": _far_start,

@@ -155,7 +155,8 @@ def _check_read(file: RigText, table: RigTable, columns: ColumnsTable) -> None:
     if reads == "position" and mistaken_for(unit):
         remedy += ' An accelerometer also needs reads = "acceleration".'
     if reads == "position" and found == "kg":
-        remedy += f" A force that a scale shows is in '{unit}f', and the output of a [system] in its own equations."
+        weight = f"{unit}f" if unit in ("g", "kg") else "N"
+        remedy += f" A force that a scale shows is in '{weight}', and the output of a [system] in its own equations."
     raise InputError(
         f"{file.at('columns', 'output', 'unit')}: the key 'columns.output.unit' is {unit!r}, {_MEASURED[found]}, but "
         f"the output is read as {wanted}.{remedy}"

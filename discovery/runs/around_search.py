@@ -57,7 +57,7 @@ def _again(found: Fit, effect: str) -> Refit | None:
     names = [effect]
     scored = screen(minimum, problem, names)
     quick = refit(minimum, problem, scored, finite=finite_starts(minimum, problem, names, without.problem.gaussian))
-    return next(iter(finish(without.problem, without.minimum, quick)), None)
+    return next(iter(finish(without.problem, quick)), None)
 
 
 #: Manoeuvres tried for each group of rivals; fewer, but so many at least, where a motion takes more steps than this.

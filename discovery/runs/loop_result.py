@@ -204,7 +204,7 @@ class LoopResult(LoopViews):
         off = hung_on(off, self.after) if off else off
         found = [None if self.impossible else off, edges.strayed_constant(self.after), caution.acausal(self.after)]
         found.append(None if self.impossible else caution.unfinished(self.after))
-        found += [edges.combined(self.after), edges.held_sign(self.before, self.after), edges.far_start(self.after)]
+        found += [*edges.combined(self.after), edges.held_sign(self.before, self.after), edges.far_start(self.after)]
         found.append(edges.lost_gain(self.before, self.after))
         if self.added:
             found.append(caution.not_carried(self.errors))

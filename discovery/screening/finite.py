@@ -8,6 +8,7 @@ one batched simulation.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
 
@@ -16,9 +17,8 @@ import sympy as sp
 from scipy.signal import savgol_filter
 
 from discovery.declarations.registry import get_effect
-from discovery.equations.model import Model
 from discovery.equations.program import build_program
-from discovery.estimation.beginning import led
+from discovery.estimation.beginning import lead
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
@@ -135,7 +135,7 @@ def starts_along(
     if order is None:
         return []
     found, problems, vectors, near = [], [], [], []
-    known = {n: own for n, own in stated.items() if n in problem.model.known}
+    known = {**problem.gaussian, **{n: own for n, own in stated.items() if n in problem.model.known}}
     for (name, grid), window in product(grids.items(), _WINDOWS):
         lack = _Lack(problem, name, order, window)
         if not lack.motions:
@@ -143,17 +143,10 @@ def starts_along(
         for vector in lack.best(dict(zip(problem.names, minimum.x, strict=True)), grid):
             values = vector | {s.name: s.guess for s in problem.states if s.row < 2}
             found.append(_far_start(lack.extended, lack.extended.start(values)))
-            problems.append(_freed(lack.extended, known))
+            problems.append(replace(lack.extended, model=lack.extended.model.free_parameter(*known), gaussian=known))
             vectors.append(problems[-1].start(values | {n: mean for n, (mean, _) in known.items()}))
             near.append({n: (vector[n], apart) for n, apart in _spacing(grid).items()})
-    return [*found, *(_far_start(p, x) for p, x in zip(problems, led(problems, vectors, near), strict=True))]
-
-
-def _freed(problem: Problem, stated: Mapping[str, tuple[float, float]]) -> Problem:
-    """Return a problem in which what the rig knows is free, as it states it."""
-    model = problem.model
-    known = {n: v for n, v in model.known.items() if n not in stated}
-    return Problem(Model(model.base, model.effects, known), problem.bench, problem.units, dict(stated))
+    return [*found, *(_far_start(p, x) for p, x in zip(problems, lead(problems, vectors, near), strict=True))]
 
 
 def _spacing(grid: _Grid) -> dict[str, float]:

@@ -196,15 +196,13 @@ def _quick(
     )
 
 
-def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh: bool = False) -> list[Refit]:
+def finish(problem: Problem, quick: Sequence[Refit], *, afresh: bool = False) -> list[Refit]:
     """Refit with what the rig knows free again: a missing effect may have pushed it off what the rig states.
 
-    `problem`, `minimum`: the fit so far, with what the rig knows free. `quick`: refits with it held. `afresh`: begin
-    from the declared guesses as well: without its effects a fit may have gone far astray. Returned: smallest chi-square
-    first.
+    `problem`: the fit so far, with what the rig knows free. `quick`: refits with it held. `afresh`: begin from the
+    declared guesses as well: without its effects a fit may have gone far astray. Returned: smallest chi-square first.
     """
     nuisance = [n for n in problem.gaussian if n in problem.free]
-    fitted = problem.named(minimum.x)
     # What may not be negative is stated inside its bounds.
     stated = {n: mean if mean > 0 else 0.5 * sd for n, (mean, sd) in problem.gaussian.items()}
     problems, vectors = [], []
@@ -212,7 +210,7 @@ def finish(problem: Problem, minimum: Minimum, quick: Sequence[Refit], *, afresh
         model = Model(problem.model.base, r.problem.model.effects, problem.model.known)
         extended = Problem(model, r.problem.bench, problem.units, problem.gaussian)
         # As held, and as the rig states.
-        starts = [{n: r.problem.model.known.get(n, fitted[n]) for n in nuisance}]
+        starts = [{n: r.problem.model.known[n] for n in nuisance}]
         if any(abs(starts[0][n] - stated[n]) > problem.gaussian[n][1] for n in nuisance):
             starts.append({n: stated[n] for n in nuisance})
         for known in starts:

@@ -62,14 +62,10 @@ class Context:
         """Natural period of the motion [s]."""
         return 2 * np.pi * self.units.time
 
-    @cached_property
-    def _course(self) -> dict[str, bool]:
-        return course(self.train)
-
     def candidates(self, model: Model, *, which: Callable[..., tuple[str, ...]] = candidates) -> tuple[str, ...]:
         """Return the effects that a model of these recordings could lack."""
         first = self.train[0]
-        return which(model, first.coordinate_unit, first.rig.declared, **self._course)
+        return which(model, first.coordinate_unit, first.rig.declared, **course(self.train))
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
@@ -85,11 +81,8 @@ class Context:
 
     def stated_error(self, model: Model) -> float:
         """Return the error that mechanics state of themselves, over the smallest noise of any channel [noise sds]."""
-        sizes = [
-            model.mechanics.accuracy * (1.0 if unit == "rad" else self.units.length) / noise
-            for e in self.train
-            for unit, noise in zip(e.recording.units, e.recording.noise, strict=True)
-        ]
+        read = [both for e in self.train for both in zip(e.recording.units, e.recording.noise, strict=True)]
+        sizes = (model.mechanics.accuracy * (1.0 if unit == "rad" else self.units.length) / sd for unit, sd in read)
         return float(max(sizes))
 
     def least_error(self, model: Model) -> float:

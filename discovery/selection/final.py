@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from discovery.estimation.batch import fit_problems
+from discovery.estimation.beginning import from_declared
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, given, solver_shift
 from discovery.estimation.fit import SHIFT, Fit
@@ -37,13 +38,18 @@ def on_mechanics(contender: Contender, base: str, context: Context) -> Contender
 def settled(contender: Contender, context: Context, bench: Bench | None = None) -> Contender:
     """Return a set at the estimates of generalised least squares, what its laws hold by convention free.
 
-    `bench`: other simulators of its recordings. Where the motion blows up, the set is returned as it is.
+    `bench`: other simulators of its recordings. Where more than noise is left, a fit from what is declared is led there
+    as well. Where the motion blows up, the set is returned as it is.
     """
-    problem = contender.refit.problem
+    problem, values = contender.refit.problem, contender.refit.values
     known = {**problem.gaussian, **context.conventions(problem.model)}
     problem = replace(problem, gaussian=known, bench=bench or problem.bench)
-    start, sizes = problem.start(contender.refit.values), [contender.error_size]
-    (minimum,) = generalised([problem], [start], sizes, iterations=_ITERATIONS, tolerance=1e-6)
+    starts = [problem.start(values)]
+    if contender.evidence.left > context.least_error(problem.model):
+        starts.append(from_declared(problem, values, contender.added))
+    sizes = [contender.error_size] * len(starts)
+    minimum, *others = generalised([problem] * len(starts), starts, sizes, iterations=_ITERATIONS, tolerance=1e-6)
+    minimum = next((m for m in others if m.cost < minimum.cost - context.settings.nats), minimum)
     refit = replace(contender.refit, problem=problem, minimum=minimum)
     (found,) = contenders(context, [(contender.added, refit)])
     return found if np.isfinite(found.joint) else contender

@@ -74,7 +74,7 @@ class Offers:
             quick = resolved(minimum, problem, scored, quick)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
             leading = [quick[i] for i in near[:most] if np.isfinite(quick[i].chi2)]
-            return [*finish(node.refit.problem, node.refit.minimum, leading, afresh=node.is_far), *quick]
+            return [*finish(node.refit.problem, leading, afresh=node.is_far), *quick]
 
         ways: list[Callable[[], list[Refit]]] = [whole]
         # The whole recording may hide a frequency, or be on another branch. Beside nothing a way has all threads.
@@ -103,7 +103,7 @@ class Offers:
             self.context.progress("refitting pairs")
             quick = refit_pairs(minimum, problem, likely)
             near = near_the_best([r.chi2 for r in quick], problem.bench.n_data)[: most // 2]
-            full = finish(node.refit.problem, node.refit.minimum, [quick[i] for i in near])
+            full = finish(node.refit.problem, [quick[i] for i in near])
             sets = [((*node.added, *r.problem.model.effects[-2:]), r) for r in full]
             self._pairs[key] = contenders(self.context, sets)
         return self._pairs[key]
