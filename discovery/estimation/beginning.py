@@ -59,11 +59,10 @@ def from_declared(problem: Problem, values: Mapping[str, float], added: Sequence
 
 def missed(bench: Bench, minima: Sequence[Minimum]) -> BoolArray:
     """Return which recordings of a bench all of some fits miss."""
-    off = np.ones((len(minima) + 1, len(bench.experiments)), bool)
-    for own, m in zip(off, minima, strict=False):
-        blocks = bench.blocks()
-        own[:] = [not np.sum(m.residual[rows] ** 2) <= _OFF * np.sum(present) for rows, present in blocks]
-    return np.asarray(off.all(axis=0))
+    off = np.ones(len(bench.experiments), bool)
+    for m in minima:
+        off &= [not np.sum(m.residual[rows] ** 2) <= _OFF * np.sum(present) for rows, present in bench.blocks()]
+    return off
 
 
 def from_the_beginning(
@@ -83,12 +82,9 @@ def from_the_beginning(
 
 
 def _first(bench: Bench, share: float) -> Bench:
-    """Return the bench of the first part of every recording, long enough to hold some readings between its gaps."""
-    experiments = []
-    for e in bench.experiments:
-        present = np.flatnonzero(np.isfinite(e.recording.output[e.fitted]).any(axis=1))[:_LEAST]
-        held = int(present[-1]) + 1 if present.size else 0
-        experiments.append(e.first(max(_LEAST, held, int(share * e.recording.time[e.fitted].size))))
+    """Return the bench of the first part of every recording."""
+    counts = [int(share * e.recording.time[e.fitted].size) for e in bench.experiments]
+    experiments = [e.beginning(n, _LEAST) for e, n in zip(bench.experiments, counts, strict=True)]
     return Bench(bench.base, bench.effects, experiments, bench.step)
 
 

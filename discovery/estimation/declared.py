@@ -268,7 +268,7 @@ def led(
     values: dict[str, float] = {}
     followed, step = 0.0, float("inf")
     for part in _PARTS:
-        first = [_beginning(e, part) for e in experiments]
+        first = [e.beginning(round(part * e.recording.time[e.fitted].size), _FEWEST) for e in experiments]
         try:
             bench = Bench(model.base, model.effects, first, step) if values else None
             found = fit(model, first, units=units, gaussian=gaussian, start=values, bench=bench)
@@ -278,10 +278,3 @@ def led(
             continue
         values, followed, step = found.values, part, found.problem.bench.step
     return values, followed
-
-
-def _beginning(experiment: Experiment, part: float) -> Experiment:
-    """Return the first part of a recording, long enough to hold some readings between its gaps."""
-    present = np.flatnonzero(np.isfinite(experiment.deflection[experiment.fitted]))
-    fewest = present[:_FEWEST][-1] + 1 if present.size else 0
-    return experiment.first(max(_FEWEST, int(fewest), round(part * experiment.recording.time[experiment.fitted].size)))

@@ -56,6 +56,12 @@ class Experiment:
         check_whole(count, "count", 1)
         return replace(self, recording=self.recording.part(slice(count)), fitted_samples=None)
 
+    def beginning(self, count: int, least: int) -> Experiment:
+        """Return the first so many samples as `first` does, or more: enough to hold `least` readings between gaps."""
+        present = np.flatnonzero(np.isfinite(self.recording.output[self.fitted]).any(axis=1))[:least]
+        held = int(present[-1]) + 1 if present.size else 0
+        return self.first(max(least, held, count))
+
     @property
     def fitted_part(self) -> Experiment:
         """The experiment to its last fitted sample: no residual needs more, but where readings pass a filter."""

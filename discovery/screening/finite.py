@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from types import MappingProxyType
 
 import numpy as np
 import sympy as sp
@@ -28,10 +27,10 @@ from discovery.simulation.kernel.compile import numpy_derivative
 
 #: A start of a refit: effect, its free values, and values of others that go with them: free, or held there.
 FarStart = tuple[str, FloatArray, Mapping[str, float]]
-#: Of a rig that knows nothing.
-NOTHING: Mapping[str, tuple[float, float]] = MappingProxyType({})
 #: Finite values of an effect.
 _Grid = Sequence[Mapping[str, float]]
+#: Mean and standard deviation by name.
+_Stated = Mapping[str, tuple[float, float]]
 #: An effect with values on its grid.
 _Point = tuple[str, Mapping[str, float]]
 #: Kinds that carry or return energy, and so move the frequency.
@@ -54,20 +53,20 @@ _STEP = 1e-4
 
 
 def finite_starts(
-    minimum: Minimum, problem: Problem, names: Sequence[str], stated: Mapping[str, tuple[float, float]] = NOTHING
+    minimum: Minimum, problem: Problem, names: Sequence[str], stated: _Stated | None = None
 ) -> list[FarStart]:
     """Return starts of refits with what goes with each: all that is fitted for laws of many shapes, else `alpha`.
 
     `minimum`, `problem`: the fit so far. `names`: candidate effects. `stated`: mean and standard deviation of what the
     rig knows, which the fit holds. Returned: at most two for each effect of few shapes, the best sizes by chi-square;
-    of others see `starts_along`.
+    of others see `_starts_along`.
     """
     system = problem.model.mechanics.system
     own = [get_effect(name) for name in names if get_effect(name).kind in _KINDS]
     grids = {effect.id(): grid_of(effect, system, problem.units) for effect in own}
     many = {name: grid for name, grid in grids.items() if len(grid) > 2 * MOST_SHAPES}
     few = {name: grid for name, grid in grids.items() if name not in many}
-    return [*_beside_stiffness(minimum, problem, few), *starts_along(minimum, problem, many, stated)]
+    return [*_beside_stiffness(minimum, problem, few), *_starts_along(minimum, problem, many, stated or {})]
 
 
 def _beside_stiffness(minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid]) -> list[FarStart]:
@@ -118,9 +117,7 @@ def _vector(name: str, values: Mapping[str, float], system: str) -> FloatArray:
     return np.array([values[p.name] for p in get_effect(name).fitted(system)])
 
 
-def starts_along(
-    minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid], stated: Mapping[str, tuple[float, float]] = NOTHING
-) -> list[FarStart]:
+def _starts_along(minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid], stated: _Stated) -> list[FarStart]:
     """Return starts of refits at the shapes that explain best which force the recorded motion lacks.
 
     The teeth of a motor hold on to its rotor and let it go. The motion of a model without them is soon at another
@@ -137,7 +134,7 @@ def starts_along(
     found, problems, vectors, near = [], [], [], []
     known = {**problem.gaussian, **{n: own for n, own in stated.items() if n in problem.model.known}}
     for (name, grid), window in product(grids.items(), _WINDOWS):
-        lack = _Lack(problem, name, order, window)
+        lack, apart = _Lack(problem, name, order, window), _spacing(grid)
         if not lack.motions:
             continue
         for vector in lack.best(dict(zip(problem.names, minimum.x, strict=True)), grid):
@@ -145,7 +142,7 @@ def starts_along(
             found.append(_far_start(lack.extended, lack.extended.start(values)))
             problems.append(replace(lack.extended, model=lack.extended.model.free_parameter(*known), gaussian=known))
             vectors.append(problems[-1].start(values | {n: mean for n, (mean, _) in known.items()}))
-            near.append({n: (vector[n], apart) for n, apart in _spacing(grid).items()})
+            near.append({n: (vector[n], least) for n, least in apart.items()})
     return [*found, *(_far_start(p, x) for p, x in zip(problems, lead(problems, vectors, near), strict=True))]
 
 
