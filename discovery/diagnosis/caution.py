@@ -27,7 +27,8 @@ from discovery.rigs.quantities import QUANTITIES
 SCATTERED = 1.5
 #: Times the training error, a hold-out that is missed by a model which leaves an error there, too.
 _ELSEWHERE = 5.0
-_AHEAD = 2.0  # standard deviations by which an output moves before its input
+#: Standard deviations by which an output moves before its input, and that of a delay without an interval, in readings.
+_AHEAD, _UNTOLD = 2.0, 0.1
 #: Such a part of what is left of a recording is a burst where it lies within such a share of it.
 _SHORT = {0.5: 0.1, 0.25: 0.01}
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
@@ -83,11 +84,13 @@ class Caution:
 
 def acausal(fitted: Fit) -> Caution | None:
     """Return that the output of a driven system moves before its input does; None where it does not."""
-    driven = any(e.drive is not None for e in fitted.problem.bench.experiments)
+    driven = [e for e in fitted.problem.bench.experiments if e.drive is not None]
+    least = min((median_step(e.recording.time) for e in driven), default=0.0)
     for effect in fitted.model.terms if driven else ():
         late = str(effect.lateness()) if isinstance(effect, Sensor) else ""  # a parameter that is a delay itself
-        if fitted.values.get(late, 0.0) < -_AHEAD * (sd := fitted.sd.get(late, math.inf)):
-            return Caution("acausal", late, effect.id(), {"ahead": -fitted.values[late], "sd": sd})
+        told = fitted.told(late) if late in fitted.values else {"value": 0.0, "sd": None}
+        if told["value"] < -_AHEAD * (_UNTOLD * least if told["sd"] is None else told["sd"]):
+            return Caution("acausal", late, effect.id(), {"ahead": -told["value"], "sd": told["sd"]})
     return None
 
 

@@ -99,9 +99,10 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
 
 
 def _turns_back_beyond_half_a_turn(found: Signals) -> bool:
-    """Whether an angle swings farther to both sides of its rest than a pendulum, which turns over there."""
-    centre = centre_of(found.seconds, found.output.si).at
-    return bool(min(np.nanmax(found.output.si) - centre, centre - np.nanmin(found.output.si)) > np.pi)
+    """Whether an angle swings farther to both sides of its rest than a pendulum, which turns over there, and back."""
+    off = found.output.si - centre_of(found.seconds, found.output.si).at
+    beyond = np.sign(off[np.abs(off) > np.pi])
+    return bool(np.count_nonzero(np.diff(beyond)) > 1)
 
 
 def _goes_on(found: Signals) -> bool:

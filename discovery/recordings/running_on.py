@@ -12,9 +12,9 @@ DRIVEN = (
     'Declare what drives it as the input of kind = "drive", or, where that was not recorded, a constant force in a '
     "table [system], as `discovery init --kind system` drafts it (docs/YOUR_SYSTEM.md)."
 )
-#: What runs on goes back over less than so much of its way. An angle goes through more than two turns, anything else is
-#: at the end, in so much of the time, no slower than so much of its mean speed.
-_TURNS, _BACK, _END, _SLOWER = 4.0 * np.pi, 0.1, 0.25, 0.5
+#: What runs on goes back over less than so much of its way. An angle goes through more than two turns, or through one
+#: and on; anything else is at the end, in so much of the time, no slower than so much of its mean speed.
+_TURN, _BACK, _END, _SLOWER = 2.0 * np.pi, 0.1, 0.25, 0.5
 #: Readings of which the means tell which way it goes.
 _LOOKED = 50
 #: Counts of a counter, at least.
@@ -24,7 +24,8 @@ _COUNTS = 20
 def runs_on(output: FloatArray, unit: str = "rad") -> bool:
     """Return whether an output runs on and on, nearly all of the way in one direction.
 
-    An angle does that which goes through more than two turns; what has another unit is then still on its way.
+    An angle does that which goes through more than two turns, or is beyond one and still on its way, as what has
+    another unit must be.
 
     `output` (n,): in the SI unit of `unit`; NaN marks gaps.
 
@@ -32,9 +33,9 @@ def runs_on(output: FloatArray, unit: str = "rad") -> bool:
     --------
     >>> t = np.linspace(0, 5, 1001)
     >>> runs_on(6.0 * t), runs_on(20.0 * np.sin(t)), runs_on(2.0 * t)
-    (True, False, False)
-    >>> runs_on(2.0 * t, "m"), runs_on(1.0 - np.exp(-t), "m")
-    (True, False)
+    (True, False, True)
+    >>> runs_on(1.0 * t), runs_on(2.0 * t, "m"), runs_on(1.0 - np.exp(-t), "m")
+    (False, True, False)
     """
     read = output[np.isfinite(output)]
     parts = np.array_split(read, min(read.size, _LOOKED))
@@ -42,8 +43,8 @@ def runs_on(output: FloatArray, unit: str = "rad") -> bool:
     ways = steps[steps > 0.0].sum(), -steps[steps < 0.0].sum()
     if min(ways) >= _BACK * max(ways):
         return False
-    if si_symbol(unit) == "rad":
-        return bool(max(ways) > _TURNS)
+    if si_symbol(unit) == "rad" and not _TURN < max(ways) <= 2 * _TURN:
+        return bool(max(ways) > _TURN)
     last = steps[-max(1, round(_END * steps.size)) :]
     return bool(last.mean() / steps.mean() > _SLOWER)
 

@@ -68,9 +68,10 @@ def _far_start(found: Record) -> str:
 
 
 def _acausal(found: Record) -> str:
-    ahead, sd = (quoted(found["numbers"][n], "s") for n in ("ahead", "sd"))
+    ahead, sd = quoted(found["numbers"]["ahead"], "s"), found["numbers"]["sd"]
+    told = "" if sd is None else f" (+- {quoted(sd, 's')})"
     return (
-        f"what is read moves {ahead} (+- {sd}) before the input does: check the time of either column, and whether the "
+        f"what is read moves {ahead}{told} before the input does: check the time of either column, and whether the "
         "input follows the output through a controller, as a command in a closed loop does; then the loop has to be "
         'declared (`[controller]` of kind "drive"), or what the controller does not make recorded as the input'
     )
