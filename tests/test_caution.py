@@ -221,6 +221,16 @@ def test_an_output_that_moves_before_its_input_is_doubted() -> None:
         if found is not None:
             assert found.numbers["ahead"] == pytest.approx(0.05, abs=0.01)
             assert "before the input does" in caution_sentence(found.summary())
+            bent = found.summary() | {"numbers": {"ahead": 0.05, "sd": None}}
+            assert "moves 0.05 s before the input does" in caution_sentence(bent)
+
+
+def test_an_early_output_is_doubted_where_its_delay_has_no_interval() -> None:
+    late = recorded("r", pushes(1.0, -1.5, 0.7, 0.0), 1, tau=-0.05)
+    fitted = fit(Model("oscillator", (*DECLARED, "sensor_delay")), [late], start=TRUTH)
+    found = acausal(replace(fitted, reasons={**fitted.reasons, "tau": "too bent"}))
+    assert found is not None
+    assert found.numbers["sd"] is None
 
 
 def test_a_miss_names_the_undetermined_parameter_that_it_hangs_on(tmp_path: Path) -> None:

@@ -661,6 +661,19 @@ def test_what_runs_on_without_an_input_is_drafted_with_a_constant_torque(way: fl
     assert "forces" not in swing["system"]
 
 
+def test_what_turns_one_way_beyond_half_a_turn_is_no_torsion_pendulum(tmp_path: Path) -> None:
+    turned = 5.65 * (TIME / TIME[-1] - 0.5)  # 11.3 rad, all one way
+    assert drafted(written(tmp_path, "a.csv", "time_s,angle_rad", TIME, 2.0 * turned))["kind"] == "system"
+    assert drafted(written(tmp_path, "b.csv", "time_s,angle_rad", TIME, 5.0 * SWING))["kind"] == "oscillator"
+
+
+def test_of_a_file_without_a_column_of_numbers_the_first_wrong_cell_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,x_m\n0.5,\n" + "".join(f"0.{i:02}0.5,\n" for i in range(60)))
+    with pytest.raises(InputError, match=r"column 'time_s', row 2 .*'0\.000\.5' is not a number"):
+        draft([path], tmp_path)
+
+
 def test_a_draft_offers_only_kinds_that_fit_and_says_how(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "time_s,angle_deg", TIME, 30.0 * SWING)
     text = draft([path], tmp_path)

@@ -16,17 +16,23 @@ _MOSTLY, _LOOKED = 0.8, 500
 
 
 def numbers_of(table: Table, used: set[str] | None) -> dict[str, FloatArray]:
-    """Return the columns that hold numbers; refuse one of numbers with a cell that is none, unless others are used."""
-    found = {}
+    """Return the columns that hold numbers.
+
+    One of numbers with a cell that is none is refused, unless others are used, and so is a table without any.
+    """
+    found, refused = {}, []
     for name in table.columns:
         try:
             values = table.numbers(name)
-        except InputError:
+        except InputError as error:
             if (used is None or name in used) and _mostly_numbers(table.columns[name]):
                 raise
+            refused.append(error)
             continue
         if np.isfinite(values).any():
             found[name] = values
+    if refused and not found:
+        raise refused[0]
     return found
 
 
