@@ -121,7 +121,8 @@ class Search:
     def _simplify(self, held: float | None = None) -> bool:
         """Let a law take the place of one that contains it where the difference is not accepted, and it is itself.
 
-        It is not where it loses more than the nats, or so many, on what is held out: it would predict worse.
+        It is not where it loses more than the nats, or so many, on what is held out: it would predict worse, by more
+        than laws idealise.
         """
         before, most = self.best, self.context.settings.nats if held is None else held
         nested = {e: near for e in before.added if (near := get_effect(e).reduces_to - self.offers.given_up)}
@@ -130,7 +131,8 @@ class Search:
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
-                if code != "accepted" and odds.held <= most and self._judged(simpler, rest)[1] == "accepted":
+                serves = code == "size" or (code != "accepted" and odds.held <= most)
+                if serves and self._judged(simpler, rest)[1] == "accepted":
                     new = (e for e in simpler.added if e not in self.best.added)
                     self.decisions.append(Decision("exchange", (effect, *new), True, code, odds.numbers))
                     self.best = simpler
