@@ -674,6 +674,21 @@ def test_of_a_file_without_a_column_of_numbers_the_first_wrong_cell_is_named(tmp
         draft([path], tmp_path)
 
 
+def test_what_stands_still_before_it_is_driven_is_drafted_as_at_rest(tmp_path: Path) -> None:
+    later, rng = np.where(TIME < 1.0, 0.0, 1.0 - np.exp(1.0 - TIME)), np.random.default_rng(3)
+    volts, noise = np.where(TIME < 1.0, 0.0, 9.0), 0.002 * rng.standard_normal(TIME.size)
+
+    def said(read: np.ndarray, header: str = "time_s,voltage_V,angle_rad") -> bool:
+        part = drafted(written(tmp_path, "a.csv", header, TIME, volts, read))["records"]["train"][0]
+        return bool(part.get("at_rest", False))
+
+    assert said(later + noise)
+    assert said(later)
+    assert said(later + noise, "time_s,voltage_V,speed_rad_s")
+    assert not said(0.05 * TIME + later + noise)  # it moves already
+    assert not said(3.0 + later + noise, "time_s,voltage_V,speed_rad_s")  # it turns already
+
+
 def test_a_draft_offers_only_kinds_that_fit_and_says_how(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "time_s,angle_deg", TIME, 30.0 * SWING)
     text = draft([path], tmp_path)

@@ -45,7 +45,8 @@ class Cost:
 
 def measured(command: str, folder: Path, case: Recorded) -> Cost:
     """Run a command on a case whose files are in a folder, and return what it cost."""
-    given = [a for name in case.train for a in ("--train", name)] + ["--holdout", "holdout.csv", "--out", command]
+    named = [("--train", name) for name in case.train] + ([("--holdout", "holdout.csv")] if case.train else [])
+    given = [word for pair in (*named, ("--out", command)) for word in pair]
     with (folder / f"{command}.txt").open("w", encoding="utf-8") as said:
         process = os.posix_spawn(
             sys.executable,

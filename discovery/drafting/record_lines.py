@@ -20,6 +20,9 @@ from discovery.foundation.io import Table
 DIFFERS = "is held, and differs between recordings", "are held, and differ between recordings"
 #: Of a step, by which the steps of a counter may differ.
 _EVEN = 0.05
+#: Readings before anything drives it that tell whether it moves; and how far these lie apart in noise, and their mean
+#: from no speed, at most.
+_STILL, _APART, _NO_SPEED = 10, 9.0, 1.0
 
 
 def quoted_text(value: str) -> str:
@@ -27,18 +30,42 @@ def quoted_text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
+def begins_at_rest(found: Signals, noise: float) -> bool:
+    """Whether nothing moves where a recording begins, for as long as its input does not either.
+
+    `noise`: of its output, in the unit of that.
+    """
+    if found.input is None:
+        return False
+    given, read = found.input.values, found.output.values
+    changed = np.flatnonzero(given != given[0])
+    first = read[: changed[0]] if changed.size else read[:0]
+    if first.size < _STILL or not np.isfinite(first).all():
+        return False
+    early, late = (half.mean() for half in np.array_split(first, 2))
+    stays = np.ptp(first) <= _APART * noise and abs(late - early) <= noise
+    return bool(stays and (found.reads != "speed" or abs(first.mean()) <= _NO_SPEED * noise))
+
+
 def record_lines(
-    files: Sequence[Path], holdout: Sequence[Path], folder: Path, which: Sequence[str] = ()
+    files: Sequence[Path],
+    holdout: Sequence[Path],
+    folder: Path,
+    which: Sequence[str] = (),
+    rests: Collection[Path] = (),
 ) -> Iterator[str]:
-    """Yield the table of recordings; of a single file, `which` picks the rows of each trial."""
+    """Yield the table of recordings; of a single file, `which` picks the rows of each trial; some begin at rest."""
 
     def seen(path: Path) -> str:
         return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
     def parts(paths: Sequence[Path], rows: Sequence[str]) -> str:
-        return ", ".join(f"{{ file = {quoted_text(path)}{part} }}" for path in map(seen, paths) for part in rows)
+        still = {path: ", at_rest = true" if path in rests and not which else "" for path in paths}
+        return ", ".join(f"{{ file = {quoted_text(seen(p))}{still[p]}{part} }}" for p in paths for part in rows)
 
     yield "[records]"
+    if rests and not which:
+        yield "# at_rest is guessed: before its input changes nothing moves. Remove it where that is wrong"
     kept = which[-1:] if which and not holdout else []
     if which:
         yield "# guessed: the times begin again with each trial" + (", and the last one judges" if kept else "")

@@ -16,7 +16,7 @@ from discovery.drafting.force_view import is_seen_as_force, other_way, view
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
 from discovery.drafting.law_of_motion import LOOKS, centre_of, is_one_line, is_relative
 from discovery.drafting.names import words_of
-from discovery.drafting.record_lines import DIFFERS, quoted_text, record_lines, trial_rows, unused_words
+from discovery.drafting.record_lines import DIFFERS, begins_at_rest, quoted_text, record_lines, trial_rows, unused_words
 from discovery.drafting.signals import TURNING, Signal, Signals, angle_unit, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
@@ -95,6 +95,7 @@ def drafted(
     path = fitted[0]
     place = path.parent if folder is None else as_path(folder, "folder", "Give the folder of the rig file.")
     rows: list[str] = []
+    rests: list[Path] = []
     unused = ""
     names = open_table(path)[0].columns
     if (kind is None or KINDS[kind].has_rod) and has_columns_of_an_arm(names):
@@ -109,7 +110,8 @@ def drafted(
         lines = _system([found, *others], guess, unused)
         if len(fitted) == 1 and found.time is not None:
             rows = trial_rows(found)
-    return Drafted("\n".join([*lines, "", *record_lines(fitted, held, place, rows)]) + "\n", unused)
+        rests = [each.path for each in (found, *others) if begins_at_rest(each, _noise(each)[0])]
+    return Drafted("\n".join([*lines, "", *record_lines(fitted, held, place, rows, rests)]) + "\n", unused)
 
 
 def _check_wishes(kind: str | None, rate: float | None, chosen: Mapping[str, str | None] | None) -> None:
