@@ -57,6 +57,17 @@ def test_whole_numbers_have_no_coarser_step(seed: int, size: float) -> None:
     assert quantum(read) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("count", [60, 300, 3000])
+def test_the_step_of_an_encoder_is_seen_behind_the_decimals_that_are_printed(count: int) -> None:
+    """Of 3960 counts a turn, printed to 0.01 degrees, a swing passes most once; printed alone it has no other step."""
+    time = np.linspace(0.0, 3.0, count)
+    swing = 80.0 * np.cos(6.0 * time) * np.exp(-0.2 * time)
+    counted = np.round(np.round(swing * 11.0) / 11.0, 2)
+    assert quantum(counted) == pytest.approx(1.0 / 11.0, rel=1e-3)
+    noisy = counted + np.random.default_rng(1).normal(0.0, 0.1, count)
+    assert quantum(np.round(noisy, 2)) in (0.0, pytest.approx(0.01))
+
+
 def test_readings_that_are_stamped_where_a_mark_passes_are_not_rounded():
     marks = STEP * np.arange(60)
     passed = np.log1p(marks / 40.0)  # of a wheel that drag slows down
