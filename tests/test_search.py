@@ -659,3 +659,11 @@ def test_a_flexible_law_is_tried_beside_a_refused_plain_one_after_all_else(monke
     monkeypatch.setattr(search, "offers", offers)
     assert search._forward()
     assert tried == [[alone.added], [], [pairs[0].added], [flexible.added], [], [p.added for p in pairs]]
+
+
+def test_kernels_hold_what_comes_into_question_once_an_added_law_is_taken_out() -> None:
+    """On other mechanics a search went on without a law that the one found contains, and broke off."""
+    shared, model = context(), Model("oscillator", DECLARED)
+    with_more = shared.kernel_effects(model.with_effect("stribeck_friction"))
+    assert "coulomb_friction" not in shared.candidates(model.with_effect("stribeck_friction"))
+    assert {"coulomb_friction", *shared.kernel_effects(model)} <= {*with_more}

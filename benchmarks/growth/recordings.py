@@ -61,7 +61,7 @@ def _spring_bench(folder: Path) -> None:
         rng = np.random.default_rng(seed)
         frequency, phase = 2 * np.pi * rng.uniform(0.3, 6.0, 9), rng.uniform(0.0, 2 * np.pi, 9)
         size = 6.0 * rng.uniform(0.3, 1.0, 9) * np.sqrt(2 / 9)
-        force = partial(_swelling, size=size, frequency=frequency, phase=phase)
+        force = partial(swelling, size=size, frequency=frequency, phase=phase)
         moved = stick_slip(force, time, mass=1.7, stiffness=410.0, loss=0.35, dry=0.6)
         read = 1e3 * moved + rng.normal(0.0, 0.05, time.size)
         table = np.column_stack([time, force(time), read])
@@ -76,7 +76,7 @@ def _spring_bench(folder: Path) -> None:
     )
 
 
-def _swelling(time: np.ndarray, size: np.ndarray, frequency: np.ndarray, phase: np.ndarray) -> np.ndarray:
+def swelling(time: np.ndarray, size: np.ndarray, frequency: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """Return a sum of sines that swells from zero in half a second."""
     return np.sin(np.multiply.outer(time, frequency) + phase) @ size * np.minimum(1.0, (time / 0.5) ** 2)
 

@@ -221,7 +221,7 @@ def _check_cells(path: Path, lines: IntArray, rows: Sequence[str], separator: st
     below = {*sizes[wide:]}
     if not blanks and 0 < wide <= _TITLES and len(below) == 1 and max(below) < columns:
         raise InputError(
-            f"{path}, line {lines[wide]}: {max(below)} cells in a table of {columns} columns, and so are all lines below. "
+            f"{path}, line {lines[wide]}: {max(below)} cells in a table of {columns} columns, and so in all below. "
             "Where those above are settings, delete them or put # before them, and name the columns in a line of names."
         )
     for line, row, cells in zip(lines, rows, sizes, strict=True):

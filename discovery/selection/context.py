@@ -68,8 +68,10 @@ class Context:
         return which(model, first.coordinate_unit, first.rig.declared, **course(self.train))
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
-        """Return every effect that may come into question on the base, so that one kernel serves the whole search."""
-        return tuple(sorted({*model.effects, *self.candidates(model, which=eventual_candidates), SmoothForce.id()}))
+        """Return every effect that may come into question on the base, also where what was added is taken out."""
+        models = (model, model.without(self.added(model)))
+        ever = (e for each in models for e in self.candidates(each, which=eventual_candidates))
+        return tuple(sorted({*model.effects, *ever, SmoothForce.id()}))
 
     def added(self, model: Model) -> tuple[str, ...]:
         """Return the effects of a model that are not declared."""

@@ -121,8 +121,7 @@ class Search:
     def _simplify(self, held: float | None = None) -> bool:
         """Let a law take the place of one that contains it where the difference is not accepted, and it is itself.
 
-        It is not where it loses more than the nats, or so many, on what is held out: it would predict worse, by more
-        than laws idealise.
+        It is not where it loses more than the nats, or so many, held out, by more than laws idealise.
         """
         before, most = self.best, self.context.settings.nats if held is None else held
         nested = {e: near for e in before.added if (near := get_effect(e).reduces_to - self.offers.given_up)}
@@ -131,8 +130,8 @@ class Search:
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
                 odds, code = self._judged(self.best, simpler)
-                serves = code == "size" or (code != "accepted" and odds.held <= most)
-                if serves and self._judged(simpler, rest)[1] == "accepted":
+                stands = code != "accepted" and (code == "size" or odds.held <= most)
+                if stands and self._judged(simpler, rest)[1] == "accepted":
                     new = (e for e in simpler.added if e not in self.best.added)
                     self.decisions.append(Decision("exchange", (effect, *new), True, code, odds.numbers))
                     self.best = simpler
@@ -219,9 +218,8 @@ class Search:
 
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
-        offered = self.offers.beside(self.best)
         # A law so flexible that it imitates others is tried where neither plain ones nor two of them serve.
-        laws = plain(offered)
+        laws = plain(offered := self.offers.beside(self.best))
         pliable = [c for c in offered if c not in laws]
         if self._take(laws):
             return True
