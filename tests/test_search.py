@@ -18,6 +18,7 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.foundation.errors import ComputationError
+from discovery.recordings.experiment import Experiment
 from discovery.runs.lead import strongest_lead
 from discovery.runs.loop import _searching
 from discovery.screening.refits import finish, settle
@@ -667,3 +668,25 @@ def test_kernels_hold_what_comes_into_question_once_an_added_law_is_taken_out() 
     with_more = shared.kernel_effects(model.with_effect("stribeck_friction"))
     assert "coulomb_friction" not in shared.candidates(model.with_effect("stribeck_friction"))
     assert {"coulomb_friction", *shared.kernel_effects(model)} <= {*with_more}
+
+
+def test_an_end_that_does_not_move_decides_nothing() -> None:
+    """A recording of its own judges, however little it moves."""
+    shared = context(beta=1.0)
+    (whole,), settings = shared.train, shared.settings
+    count, noise = whole.recording.time.size, float(whole.recording.noise[0])
+    still = whole.recording.output.copy()
+    still[-99:] = noise * np.random.default_rng(1).standard_normal((99, 1))
+    ended = dataclasses.replace(whole, fitted_samples=count - 99)
+    quiet = dataclasses.replace(ended, recording=dataclasses.replace(whole.recording, output=still))
+
+    def code(judge: HoldOut, *train: Experiment) -> str:
+        search = begun(Context([*train], judge, settings, UNITS, lambda _: None))
+        offer = search.offers.beside(search.root)[0]
+        loses = dataclasses.replace(offer.evidence, held=search.root.evidence.held - 2.0)
+        return search._judged(dataclasses.replace(offer, evidence=loses), search.root)[1]
+
+    assert code(HoldOut([quiet], [], UNITS, settings.tolerance), quiet) == "accepted"
+    assert code(HoldOut([ended], [], UNITS, settings.tolerance), ended) == "held_out"
+    assert HoldOut([whole], [quiet], UNITS, settings.tolerance).tells
+    assert not HoldOut([whole], [], UNITS, settings.tolerance).tells

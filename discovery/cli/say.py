@@ -90,6 +90,7 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
 def _say_errors(errors: Mapping[str, Any]) -> None:
     """Say the errors before and after, and what was held out where no recording was."""
     from discovery.estimation.holdout import SEPARATE
+    from discovery.recordings.parts import MOVES
 
     for when in ("before", "after"):
         found = errors[when]
@@ -108,7 +109,10 @@ def _say_errors(errors: Mapping[str, Any]) -> None:
         unit = f" {also['unit']}" if also["unit"] != "1" else ""
         click.echo(f"also read: {also['name']}, rms {', held out '.join(sizes)}{unit}")
     if errors["holdout_kind"] != SEPARATE:
-        tells = f"its motion is {figures(errors['holdout_motion'], 2)} times the noise"
+        moved = errors["holdout_motion"]
+        tells = (
+            f"its motion is {figures(moved, 2)} times the noise{', too little to judge by' if moved < MOVES else ''}"
+        )
         click.echo(f"holdout: the {errors['holdout_kind']}; {tells}; --holdout names a recording of its own")
 
 

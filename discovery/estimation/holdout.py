@@ -23,7 +23,7 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.start_names import is_start
 from discovery.recordings.experiment import Experiment, largest_deflection
-from discovery.recordings.parts import motion_over_noise, two_thirds
+from discovery.recordings.parts import MOVES, motion_over_noise, two_thirds
 
 #: What held-out recordings are called that were given as such.
 SEPARATE = "separate recordings"
@@ -88,9 +88,13 @@ class HoldOut:
     @property
     def motion(self) -> float:
         """The largest scatter of a stretch of what is held out [noise sds]: how much it can tell."""
-        first = [e.fitted_samples or 0 if self.continued else 0 for e in self.experiments]
-        moved = [motion_over_noise(e.recording, n) for e, n in zip(self.experiments, first, strict=True)]
-        return max(moved, default=0.0)
+        first = (e.fitted_samples or 0 if self.continued else 0 for e in self.experiments)
+        return max(map(motion_over_noise, (e.recording for e in self.experiments), first), default=0.0)
+
+    @property
+    def tells(self) -> bool:
+        """Whether anything is held out that can judge: the end of a recording that does not move tells chance."""
+        return self.holds and (not self.continued or self.motion >= MOVES)
 
     def predictions(
         self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float], list[FloatArray]]]

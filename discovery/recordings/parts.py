@@ -18,7 +18,7 @@ from discovery.recordings.recording import Recording
 #: A recording is looked at in so many stretches.
 _STRETCHES = 60
 #: It moves where the readings of a stretch scatter by so many times their noise.
-_MOVES = 3.0
+MOVES = 3.0
 #: Units of speeds, which are zero at rest.
 _SPEEDS = ("m/s", "rad/s")
 #: A speed or an input below this share of its largest is none.
@@ -49,9 +49,9 @@ def fitted_count(recording: Recording, *, pushed: bool = True) -> int:
     motion. It belongs to the part that is held out. A level that an input holds is no rest, where it is `pushed`, a
     force: the levels of a motion do nothing.
     """
-    end = motion_end(recording, lambda _: _MOVES, _MOVES, pushed=pushed)
+    end = motion_end(recording, lambda _: MOVES, MOVES, pushed=pushed)
     first, seen = _begin(recording)
-    half = max(seen, (first + _last_moving(recording, lambda _: _MOVES)) // 2) if first else 0
+    half = max(seen, (first + _last_moving(recording, lambda _: MOVES)) // 2) if first else 0
     return max(two_thirds(end), half)
 
 
@@ -103,7 +103,7 @@ def _last_moving(recording: Recording, moves: Callable[[int], float]) -> int:
 def _begin(recording: Recording) -> tuple[int, int]:
     """Return up to where nothing has moved, and by where something is seen to have; zero where nothing ever is."""
     stretches = (s[:2] for s in _stretches(recording, 0))
-    return next((s for s in stretches if _scatter(recording, 0, s[1]) > _MOVES), (0, 0))
+    return next((s for s in stretches if _scatter(recording, 0, s[1]) > MOVES), (0, 0))
 
 
 def _is_held(recording: Recording, first: int, *, pushed: bool) -> bool:
