@@ -212,7 +212,11 @@ def test_outliers_of_the_camera_within_reach_are_data(tmp_path):
         ("numbers.csv", b"0.0,1.0\n0.1,2.0\n", ["line 1: the first line holds numbers", "Add a header"]),
         ("twice.csv", b"time_s,tip_x_m,tip_x_m\n0,1,1\n", ["line 1: two columns are named 'tip_x_m'"]),
         ("wide.csv", b"time_s,tip_x_m\n0,1\n1,2,3\n", ["line 3: 3 cells in a table of 2 columns"]),
-        ("settings.csv", b"angle,rate,count\n90,1000,2\n1.0\n2.0\n", ["line 3: 1 cells in a table of 3", "settings"]),
+        (
+            "settings.csv",
+            b"angle,rate,count\n90,1000,2\n" + 9 * b"1.0\n",
+            ["line 3: 1 cell in a table of 3", "settings"],
+        ),
         ("decimal.csv", b"time_s,tip_x_m\n0,0,1,0\n", ["line 2: 4 cells", "decimal point"]),
         ("swing.xlsx", b"PK", ["format '.xlsx' is not known", ".parquet"]),
         ("swing", b"time_s\n", ["without a suffix", ".csv"]),

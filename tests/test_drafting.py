@@ -689,6 +689,17 @@ def test_what_stands_still_before_it_is_driven_is_drafted_as_at_rest(tmp_path: P
     assert not said(3.0 + later + noise, "time_s,voltage_V,speed_rad_s")  # it turns already
 
 
+@pytest.mark.parametrize("noise", [0.5, 2.0])
+def test_a_few_readings_of_a_swing_are_no_rest(noise: float, tmp_path: Path) -> None:
+    """In 12 ms a swing of 0.1 m/s goes no farther than its noise."""
+    time, rng = np.arange(0.0, 4.0, 1e-3), np.random.default_rng(4)
+    swing = 20.0 * np.sin(5.0 * time) + noise * rng.standard_normal(time.size)
+    pushed = np.repeat(rng.normal(size=time.size // 10), 10)
+    pushed[:12] = 0.0
+    part = drafted(written(tmp_path, "a.csv", "time_s,force_N,x_mm", time, pushed, swing))["records"]["train"][0]
+    assert not part.get("at_rest", False)
+
+
 def test_a_draft_offers_only_kinds_that_fit_and_says_how(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "time_s,angle_deg", TIME, 30.0 * SWING)
     text = draft([path], tmp_path)

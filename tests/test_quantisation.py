@@ -68,6 +68,14 @@ def test_the_step_of_an_encoder_is_seen_behind_the_decimals_that_are_printed(cou
     assert quantum(np.round(noisy, 2)) in (0.0, pytest.approx(0.01))
 
 
+@pytest.mark.parametrize("rate", [77.5, 137.3])
+def test_a_ramp_has_no_step_but_that_of_its_decimals(rate: float) -> None:
+    """What goes on by as much each time lies on a line over its number by itself, also behind a rest."""
+    ramp = rate * np.maximum(0.0, np.arange(-0.5, 2.0, 0.01))
+    assert quantum(np.round(ramp, 1)) in (0.0, pytest.approx(0.1))
+    assert quantum(np.round(ramp[50:], 1)) in (0.0, pytest.approx(0.1))
+
+
 def test_readings_that_are_stamped_where_a_mark_passes_are_not_rounded():
     marks = STEP * np.arange(60)
     passed = np.log1p(marks / 40.0)  # of a wheel that drag slows down

@@ -670,7 +670,7 @@ def test_kernels_hold_what_comes_into_question_once_an_added_law_is_taken_out() 
     assert {"coulomb_friction", *shared.kernel_effects(model)} <= {*with_more}
 
 
-def test_an_end_that_does_not_move_decides_nothing() -> None:
+def test_an_end_that_does_not_move_forgives_chance() -> None:
     """A recording of its own judges, however little it moves."""
     shared = context(beta=1.0)
     (whole,), settings = shared.train, shared.settings
@@ -680,13 +680,14 @@ def test_an_end_that_does_not_move_decides_nothing() -> None:
     ended = dataclasses.replace(whole, fitted_samples=count - 99)
     quiet = dataclasses.replace(ended, recording=dataclasses.replace(whole.recording, output=still))
 
-    def code(judge: HoldOut, *train: Experiment) -> str:
-        search = begun(Context([*train], judge, settings, UNITS, lambda _: None))
+    def code(judge: HoldOut, train: Experiment, loss: float = 2.0) -> str:
+        search = begun(Context([train], judge, settings, UNITS, lambda _: None))
         offer = search.offers.beside(search.root)[0]
-        loses = dataclasses.replace(offer.evidence, held=search.root.evidence.held - 2.0)
+        loses = dataclasses.replace(offer.evidence, held=search.root.evidence.held - loss)
         return search._judged(dataclasses.replace(offer, evidence=loses), search.root)[1]
 
     assert code(HoldOut([quiet], [], UNITS, settings.tolerance), quiet) == "accepted"
     assert code(HoldOut([ended], [], UNITS, settings.tolerance), ended) == "held_out"
-    assert HoldOut([whole], [quiet], UNITS, settings.tolerance).tells
-    assert not HoldOut([whole], [], UNITS, settings.tolerance).tells
+    assert code(HoldOut([quiet], [], UNITS, settings.tolerance), quiet, 4.0) == "held_out"
+    assert HoldOut([whole], [quiet], UNITS, settings.tolerance).asked(0.5) == 0.5
+    assert HoldOut([whole], [], UNITS, settings.tolerance).asked(0.5) == -np.inf

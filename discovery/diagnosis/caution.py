@@ -88,9 +88,9 @@ def acausal(fitted: Fit) -> Caution | None:
     least = min((median_step(e.recording.time) for e in driven), default=0.0)
     for effect in fitted.model.terms if driven else ():
         late = str(effect.lateness()) if isinstance(effect, Sensor) else ""  # a parameter that is a delay itself
-        told = fitted.told(late) if late in fitted.values else {"value": 0.0, "sd": None}
-        if told["value"] < -_AHEAD * (_UNTOLD * least if told["sd"] is None else told["sd"]):
-            return Caution("acausal", late, effect.id(), {"ahead": -told["value"], "sd": told["sd"]})
+        sd = fitted.told(late)["sd"] if late in fitted.values else None
+        if (ahead := -fitted.values.get(late, 0.0)) > _AHEAD * (_UNTOLD * least if sd is None else sd):
+            return Caution("acausal", late, effect.id(), {"ahead": ahead, "sd": sd})
     return None
 
 

@@ -15,7 +15,7 @@ from discovery.drafting.law_of_motion import centre_of, own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
-from discovery.recordings.running_on import counts_up, runs_on
+from discovery.recordings.running_on import counts_up, goes_back, runs_on
 from discovery.rigs.kinds import Kind
 
 #: Which derivative of a coordinate is read, by the unit of the output.
@@ -101,8 +101,7 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
 def _turns_back_beyond_half_a_turn(found: Signals) -> bool:
     """Whether an angle swings farther to both sides of its rest than a pendulum, which turns over there, and back."""
     off = found.output.si - centre_of(found.seconds, found.output.si).at
-    beyond = np.sign(off[np.abs(off) > np.pi])
-    return bool(np.count_nonzero(np.diff(beyond)) > 1)
+    return bool(min(np.nanmax(off), -np.nanmin(off)) > np.pi) and goes_back(off)
 
 
 def _goes_on(found: Signals) -> bool:

@@ -15,14 +15,15 @@ from discovery.drafting.signals import Signals, open_table
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
+from discovery.recordings.renewals import renewals
 
 #: What is said of a column, or of several, with one number in each recording.
 DIFFERS = "is held, and differs between recordings", "are held, and differ between recordings"
 #: Of a step, by which the steps of a counter may differ.
 _EVEN = 0.05
-#: Readings before anything drives it that tell whether it moves; and how far these lie apart in noise, and their mean
-#: from no speed, at most.
-_STILL, _APART, _NO_SPEED = 10, 9.0, 1.0
+#: Readings before anything drives it that tell whether it moves; standard errors of a rate, and of the largest one what
+#: is none.
+_STILL, _SURE, _LITTLE = 10, 2.0, 0.05
 
 
 def quoted_text(value: str) -> str:
@@ -30,21 +31,29 @@ def quoted_text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def begins_at_rest(found: Signals, noise: float) -> bool:
+def begins_at_rest(found: Signals, noise: float, step: float) -> bool:
     """Whether nothing moves where a recording begins, for as long as its input does not either.
 
-    `noise`: of its output, in the unit of that.
+    A rate that the first readings leave open must be little beside those of the motion that follows.
+
+    `noise`, `step`: of its output, in the unit of that; a step is zero where there is none.
     """
     if found.input is None:
         return False
-    given, read = found.input.values, found.output.values
+    given, read, time = found.input.values, found.output.values, found.seconds
     changed = np.flatnonzero(given != given[0])
-    first = read[: changed[0]] if changed.size else read[:0]
-    if first.size < _STILL or not np.isfinite(first).all():
+    count = int(changed[0]) if changed.size else 0
+    renewed = renewals(time, read)
+    first, lasts = read[:count], float(time[count - 1] - time[0]) if count else 0.0
+    fresh = count if renewed is None else min(count, int(lasts * renewed.rate))
+    if fresh < _STILL or not np.isfinite(first).all():
         return False
-    early, late = (half.mean() for half in np.array_split(first, 2))
-    stays = np.ptp(first) <= _APART * noise and abs(late - early) <= noise
-    return bool(stays and (found.reads != "speed" or abs(first.mean()) <= _NO_SPEED * noise))
+    if found.reads == "speed":
+        return bool(abs(first.mean()) + _SURE * noise / np.sqrt(fresh) <= _LITTLE * np.nanmax(np.abs(read)))
+    slope = abs(np.polyfit(time[:count] - time[0], first, 1)[0])
+    left = max(_SURE * noise * np.sqrt(12.0 / fresh), step) / lasts
+    fastest = np.nanmax(np.abs(read[count:] - read[:-count]), initial=0.0) / (lasts * count / (count - 1))
+    return bool(slope + left <= _LITTLE * fastest)
 
 
 def record_lines(

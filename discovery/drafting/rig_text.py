@@ -110,7 +110,7 @@ def drafted(
         lines = _system([found, *others], guess, unused)
         if len(fitted) == 1 and found.time is not None:
             rows = trial_rows(found)
-        rests = [each.path for each in (found, *others) if begins_at_rest(each, _noise(each)[0])]
+        rests = [each.path for each in (found, *others) if begins_at_rest(each, *_noise(each))]
     return Drafted("\n".join([*lines, "", *record_lines(fitted, held, place, rows, rests)]) + "\n", unused)
 
 

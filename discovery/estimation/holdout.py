@@ -91,10 +91,10 @@ class HoldOut:
         first = (e.fitted_samples or 0 if self.continued else 0 for e in self.experiments)
         return max(map(motion_over_noise, (e.recording for e in self.experiments), first), default=0.0)
 
-    @property
-    def tells(self) -> bool:
-        """Whether anything is held out that can judge: the end of a recording that does not move tells chance."""
-        return self.holds and (not self.continued or self.motion >= MOVES)
+    def asked(self, share: float) -> float:
+        """Return the share of the nats asked of what is held out; an end that does not move tells chance, and noise."""
+        asked = share if not self.continued or self.motion >= MOVES else -1.0
+        return asked if self.holds else -np.inf
 
     def predictions(
         self, bench: Bench, models: Sequence[tuple[Model, Mapping[str, float], list[FloatArray]]]

@@ -218,11 +218,10 @@ def _check_cells(path: Path, lines: IntArray, rows: Sequence[str], separator: st
     taken = f" Line {_quoted(top)} was taken for the names of the columns: if it is a title, {_AWAY}." if top else ""
     sizes = [len(row.split()) if blanks else row.count(separator) + 1 for row in rows]
     wide = sizes[: _TITLES + 1].count(columns)
-    below = {*sizes[wide:]}
-    if not blanks and 0 < wide <= _TITLES and len(below) == 1 and max(below) < columns:
+    if 0 < wide <= _TITLES < len(sizes) - wide and {*sizes[wide:]} == {1} and not blanks:
         raise InputError(
-            f"{path}, line {lines[wide]}: {max(below)} cells in a table of {columns} columns, and so in all below. "
-            "Where those above are settings, delete them or put # before them, and name the columns in a line of names."
+            f"{path}, line {lines[wide]}: 1 cell in a table of {columns} columns, and so in all below. Where the lines "
+            "above are settings, delete them or put # before them, and write the column's name above its first cell."
         )
     for line, row, cells in zip(lines, rows, sizes, strict=True):
         wrong = f"{path}, line {line}: {cells} cells in a table of {columns} columns."

@@ -7,6 +7,7 @@ from scipy.ndimage import uniform_filter1d
 
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import are_uneven
+from discovery.recordings.running_on import goes_back
 
 _CANDIDATES = (0.05, 0.25, 0.5, 0.0)
 _DIVISORS, _DIVIDED = (2, 3), 12  # parts of the smallest difference that may be the step, of so many differences
@@ -17,7 +18,8 @@ _DISTINCT = 2  # distinct readings: of two, the difference is the step
 _TELLING = 0.1  # share of the differences that small multiples must be
 _NEIGHBOURS = 25  # readings over which the speed is seen
 _SHARED_STEPS = 0.21  # steps between readings whose errors are correlated
-_LEVELS, _PRINTED, _OFF = 6, 6.0, 0.75  # gaps, finer steps in a step that was rounded once more, and these off at most
+_LEVELS, _VISITS, _PRINTED = 6, 4, 6.0  # gaps, readings a gap, and finer steps in a step that was rounded once more
+_OFF = 0.75  # finer steps by which such a reading lies off its step
 _ALIKE, _SIZES = 1e-6, 3  # steps by which sizes are told apart, and how many those that are printed have
 _MARKS = 8  # steps that tell marks from readings at a rate
 
@@ -49,7 +51,7 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
         step = float(near.sum() / np.round(near / step).sum())
         multiple = gaps[gaps < _NEAR_GAPS * step] / step
         told = multiple.size >= max(1.0, _TELLING * gaps.size)
-        apart = max(_TOLERANCE, _printed(gaps, step) / step)
+        apart = max(_TOLERANCE, _printed(finite, gaps, step) / step)
         whole = np.round(multiple)
         # What moves on by about as much each time, as a ramp, is never read twice, and its gaps are of many sizes.
         once = distinct.size == finite.size and whole.max() <= 1.0
@@ -59,20 +61,23 @@ def quantum(values: FloatArray, time: FloatArray | None = None) -> float:
     return 0.0
 
 
-def _printed(gaps: FloatArray, step: float) -> float:
+def _printed(values: FloatArray, gaps: FloatArray, step: float) -> float:
     """Give the finer step to which readings in steps were rounded once more, as counts printed in whole rpm; 0 without.
 
-    Then steps are of two sizes that differ by it, and all readings lie on one line over the number of their step.
+    Then steps are of two sizes that differ by it, and readings come again, or all lie on one line over the number of
+    their step. Those of a ramp do that by themselves.
     """
     apart = np.diff(np.sort(gaps))
     finer = float(np.min(apart[apart > 1e-6 * step], initial=np.inf))
     if gaps.size < _LEVELS or step < _PRINTED * finer:
         return 0.0
+    if values.size < _VISITS * gaps.size:
+        number, read = np.cumsum(np.round(gaps / step)), np.cumsum(gaps)
+        off = np.abs(read - np.polyval(np.polyfit(number, read, 1), number))
+        if not goes_back(values) or np.mean(off <= _OFF * finer) < _AGREEING:
+            return 0.0
     multiple = gaps / finer
-    number, read = np.cumsum(np.round(gaps / step)), np.cumsum(gaps)
-    off = read - np.polyval(np.polyfit(number, read, 1), number)
-    on_it = np.mean(np.abs(off) <= _OFF * finer) >= _AGREEING
-    return finer if on_it and np.all(np.abs(multiple - np.round(multiple)) < _TOLERANCE) else 0.0
+    return finer if np.all(np.abs(multiple - np.round(multiple)) < _TOLERANCE) else 0.0
 
 
 def are_marks(time: FloatArray, values: FloatArray) -> bool:

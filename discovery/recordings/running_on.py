@@ -37,16 +37,39 @@ def runs_on(output: FloatArray, unit: str = "rad") -> bool:
     >>> runs_on(1.0 * t), runs_on(2.0 * t, "m"), runs_on(1.0 - np.exp(-t), "m")
     (False, True, False)
     """
-    read = output[np.isfinite(output)]
-    parts = np.array_split(read, min(read.size, _LOOKED))
-    steps = np.diff([part.mean() for part in parts])
-    ways = steps[steps > 0.0].sum(), -steps[steps < 0.0].sum()
-    if min(ways) >= _BACK * max(ways):
+    steps = _steps(output)
+    way, back = _ways(steps)
+    if back >= _BACK * way:
         return False
-    if si_symbol(unit) == "rad" and not _TURN < max(ways) <= 2 * _TURN:
-        return bool(max(ways) > _TURN)
+    if si_symbol(unit) == "rad" and not _TURN < way <= 2 * _TURN:
+        return bool(way > _TURN)
     last = steps[-max(1, round(_END * steps.size)) :]
     return bool(last.mean() / steps.mean() > _SLOWER)
+
+
+def goes_back(output: FloatArray) -> bool:
+    """Return whether readings (n,), NaN in gaps, go back by a tenth of the way that they go in the other direction.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 5, 1001)
+    >>> goes_back(np.sin(t)), goes_back(t**2)
+    (True, False)
+    """
+    way, back = _ways(_steps(output))
+    return back >= _BACK * way
+
+
+def _steps(output: FloatArray) -> FloatArray:
+    """Return how far a motion goes from part to part; single readings tell their noise, too."""
+    read = output[np.isfinite(output)]
+    return np.diff([part.mean() for part in np.array_split(read, min(read.size, _LOOKED))])
+
+
+def _ways(steps: FloatArray) -> tuple[float, float]:
+    """Return how far steps go in the direction in which they go farther, and in the other one."""
+    ways = float(steps[steps > 0.0].sum()), float(-steps[steps < 0.0].sum())
+    return max(ways), min(ways)
 
 
 def counts_up(output: FloatArray) -> bool:

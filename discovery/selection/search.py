@@ -142,7 +142,7 @@ class Search:
         """Return a set after its last fit, without laws that this made others, or that predict worse than none do."""
         searched, self.best, settings = self.best, last, self.context.settings
         self._simplify()
-        least, against = -HELD * settings.nats if self.context.judge.tells else -np.inf, (declared, declared, settings)
+        least, against = self.context.judge.asked(-HELD) * settings.nats, (declared, declared, settings)
         while self.best.added and min((odds := odds_of(self.best, *against)).held, odds.ahead) < least:
             sets = {e: settled(self.neighbours.without(self.best, e), self.context) for e in self.best.added}
             effect = max(sets, key=lambda e: sets[e].joint)
@@ -264,7 +264,7 @@ class Search:
 
     def _judged(self, larger: Contender, smaller: Contender, *, stays: bool = False) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing; `stays` of one that was accepted."""
-        settings, least = self.context.settings, (-HELD if stays else HELD) if self.context.judge.tells else -np.inf
+        settings, least = self.context.settings, self.context.judge.asked(-HELD if stays else HELD)
         code = (odds := odds_of(larger, smaller, self.root, settings)).code(settings, least)
         if code == "accepted" and np.isfinite(odds.train) and self.offers.is_chance(larger, smaller, odds):
             code = "chance"
