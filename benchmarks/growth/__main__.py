@@ -45,12 +45,10 @@ class Cost:
 
 def measured(command: str, folder: Path, case: Recorded) -> Cost:
     """Run a command on a case whose files are in a folder, and return what it cost."""
-    named = [("--train", name) for name in case.train] + ([("--holdout", "holdout.csv")] if case.train else [])
-    given = [word for pair in (*named, ("--out", command)) for word in pair]
     with (folder / f"{command}.txt").open("w", encoding="utf-8") as said:
         process = os.posix_spawn(
             sys.executable,
-            [sys.executable, "-c", _ENTER, str(folder), command, "rig.toml", *given, "--quiet"],
+            [sys.executable, "-c", _ENTER, str(folder), command, "rig.toml", "--out", command, "--quiet"],
             os.environ,
             file_actions=[(os.POSIX_SPAWN_DUP2, said.fileno(), 1), (os.POSIX_SPAWN_DUP2, said.fileno(), 2)],
         )

@@ -14,6 +14,8 @@ from discovery_datasets.twin import PAPER_RIG, record, simulate, write_csv
 
 from benchmarks.growth.stick_slip import stick_slip
 
+#: Mass [kg] and dry friction [N] of the body that sticks and slips.
+MASS, DRY = 1.7, 0.6
 #: Steps of the integrator between two readings.
 _STEPS = 4
 
@@ -27,16 +29,13 @@ class Recorded:
     rows : int
         Readings that are fitted.
     write : callable
-        Writes ``rig.toml``, the training recordings and ``holdout.csv`` to a folder.
-    train : tuple of str
-        Files that are fitted; none where the rig file names the recordings.
+        Writes ``rig.toml`` and the recordings that it names to a folder.
     sampled : bool
         Whether its posterior is a part of the measurement.
     """
 
     rows: int
     write: Callable[[Path], None]
-    train: tuple[str, ...] = ("train.csv",)
     sampled: bool = False
 
 
@@ -49,7 +48,8 @@ def _arm(folder: Path) -> None:
         write_csv(record(motion, rng=np.random.default_rng(seed)), folder / f"{name}.csv")
     (folder / "rig.toml").write_text(
         'name = "arm at 1 kHz"\nlength_m = 1.0\ntip_mass_kg = 0.04376\nbeam_mass_kg = 0.01245\n'
-        "flexural_rigidity_N_m2 = 0.125967\nposition_noise_m = 3e-4\nangle_noise_rad = 7e-5\n",
+        "flexural_rigidity_N_m2 = 0.125967\nposition_noise_m = 3e-4\nangle_noise_rad = 7e-5\n"
+        '[records]\ntrain = [{ file = "one.csv" }, { file = "two.csv" }]\nholdout = [{ file = "holdout.csv" }]\n',
         encoding="utf-8",
     )
 
@@ -59,12 +59,9 @@ def _spring_bench(folder: Path) -> None:
     time = np.arange(20_000) / 1000.0
     for seed, name in enumerate(("train", "holdout")):
         rng = np.random.default_rng(seed)
-        frequency, phase = 2 * np.pi * rng.uniform(0.3, 6.0, 9), rng.uniform(0.0, 2 * np.pi, 9)
-        size = 6.0 * rng.uniform(0.3, 1.0, 9) * np.sqrt(2 / 9)
-        force = partial(swelling, size=size, frequency=frequency, phase=phase)
-        moved = stick_slip(force, time, mass=1.7, stiffness=410.0, loss=0.35, dry=0.6)
+        force, moved = stuck(time, rng)
         read = 1e3 * moved + rng.normal(0.0, 0.05, time.size)
-        table = np.column_stack([time, force(time), read])
+        table = np.column_stack([time, force, read])
         np.savetxt(folder / f"{name}.csv", table, "%.7g", ",", header="t,u,y", comments="")
     (folder / "rig.toml").write_text(
         'name = "spring bench"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
@@ -76,9 +73,15 @@ def _spring_bench(folder: Path) -> None:
     )
 
 
-def swelling(time: np.ndarray, size: np.ndarray, frequency: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return a sum of sines that swells from zero in half a second."""
-    return np.sin(np.multiply.outer(time, frequency) + phase) @ size * np.minimum(1.0, (time / 0.5) ** 2)
+def stuck(time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return a force [N] of drawn sines that swells in half a second, and where a body on a spring is under it [m]."""
+    frequency, phase = 2 * np.pi * rng.uniform(0.3, 6.0, 9), rng.uniform(0.0, 2 * np.pi, 9)
+    size = 6.0 * rng.uniform(0.3, 1.0, 9) * np.sqrt(2 / 9)
+
+    def force(when: np.ndarray) -> np.ndarray:
+        return np.sin(np.multiply.outer(when, frequency) + phase) @ size * np.minimum(1.0, (when / 0.5) ** 2)
+
+    return force(time), stick_slip(force, time, mass=MASS, stiffness=410.0, loss=0.35, dry=DRY)
 
 
 def _driven(folder: Path, rows: int) -> None:
@@ -97,7 +100,8 @@ def _driven(folder: Path, rows: int) -> None:
     (folder / "rig.toml").write_text(
         'name = "driven body"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
         'input = { name = "u", unit = "N" }\noutput = { name = "y", unit = "m", noise = 2e-4 }\n'
-        '[model]\neffects = ["viscous_damping", "linear_stiffness"]\n',
+        '[model]\neffects = ["viscous_damping", "linear_stiffness"]\n'
+        '[records]\ntrain = [{ file = "train.csv" }]\nholdout = [{ file = "holdout.csv" }]\n',
         encoding="utf-8",
     )
 
@@ -130,7 +134,7 @@ def _swung(count: int, frequency: np.ndarray, phase: np.ndarray) -> np.ndarray:
 
 
 CASES = {
-    "arm, two records at 1 kHz": Recorded(20_000, _arm, ("one.csv", "two.csv")),
-    "spring bench, 20 s at 1 kHz": Recorded(20_000, _spring_bench, (), sampled=True),
+    "arm, two records at 1 kHz": Recorded(20_000, _arm),
+    "spring bench, 20 s at 1 kHz": Recorded(20_000, _spring_bench, sampled=True),
     **{f"driven body, {n} rows": Recorded(n, partial(_driven, rows=n)) for n in (20_000, 200_000, 2_000_000)},
 }

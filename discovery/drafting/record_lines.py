@@ -15,7 +15,6 @@ from discovery.drafting.signals import Signals, open_table
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
-from discovery.recordings.renewals import renewals
 
 #: What is said of a column, or of several, with one number in each recording.
 DIFFERS = "is held, and differs between recordings", "are held, and differ between recordings"
@@ -31,23 +30,23 @@ def quoted_text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def begins_at_rest(found: Signals, noise: float, step: float) -> bool:
+def begins_at_rest(found: Signals) -> bool:
     """Whether nothing moves where a recording begins, for as long as its input does not either.
 
     A rate that the first readings leave open must be little beside those of the motion that follows.
-
-    `noise`, `step`: of its output, in the unit of that; a step is zero where there is none.
     """
     if found.input is None:
         return False
     given, read, time = found.input.values, found.output.values, found.seconds
     changed = np.flatnonzero(given != given[0])
     count = int(changed[0]) if changed.size else 0
-    renewed = renewals(time, read)
-    first, lasts = read[:count], float(time[count - 1] - time[0]) if count else 0.0
-    fresh = count if renewed is None else min(count, int(lasts * renewed.rate))
-    if fresh < _STILL or not np.isfinite(first).all():
+    if count < _STILL or not np.isfinite(first := read[:count]).all():
         return False
+    lasts = float(time[count - 1] - time[0])
+    fresh = count if found.renewed is None else min(count, int(lasts * found.renewed.rate))
+    if fresh < _STILL:
+        return False
+    noise, step = found.noise
     if found.reads == "speed":
         return bool(abs(first.mean()) + _SURE * noise / np.sqrt(fresh) <= _LITTLE * np.nanmax(np.abs(read)))
     slope = abs(np.polyfit(time[:count] - time[0], first, 1)[0])

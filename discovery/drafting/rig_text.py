@@ -23,9 +23,6 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import mean_rate, median_step
 from discovery.recordings.file_signals import ARM_STEMS
-from discovery.recordings.reading_noise import estimate_noise
-from discovery.recordings.renewals import renewals
-from discovery.recordings.rounding import quantum, resolution
 from discovery.rigs.kinds import KINDS
 
 #: Standard deviations by which the centre of a free motion may lie beside zero without one being stated.
@@ -110,7 +107,7 @@ def drafted(
         lines = _system([found, *others], guess, unused)
         if len(fitted) == 1 and found.time is not None:
             rows = trial_rows(found)
-        rests = [each.path for each in (found, *others) if begins_at_rest(each, *_noise(each))]
+        rests = [each.path for each in (found, *others) if begins_at_rest(each)]
     return Drafted("\n".join([*lines, "", *record_lines(fitted, held, place, rows, rests)]) + "\n", unused)
 
 
@@ -234,7 +231,7 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'
     yield f"{_column('output', found.output, more)}   # {_guessed(found.output)}{so}{_range(found.output)}"
-    noise, step = _noise(found)
+    noise, step = found.noise
     shown = figures(noise, 2) if noise > 0.0 else "0.1"
     unit = "" if found.output.unit == "1" else f" {found.output.unit}"
     if step > 0.0:
@@ -283,15 +280,5 @@ def _zero(recordings: Sequence[Signals], guess: Guess) -> float | None:
     sprung = its.has_own_equations and found.reads != "speed" and swing_of(recordings) is not None
     if not (its.rests_anywhere or sprung):
         return None
-    centre = centre_of(found.seconds, found.output.values, _noise(found)[0])
+    centre = centre_of(found.seconds, found.output.values, found.noise[0])
     return centre.at if abs(centre.at) > _BESIDE * centre.sd else None
-
-
-def _noise(found: Signals) -> tuple[float, float]:
-    """Return the noise of a reading, no less than that of its steps, and the step if that is what it is."""
-    values, time = found.output.values, found.seconds
-    if (renewed := renewals(time, values)) is not None:
-        values, time = values[renewed.fresh], time[renewed.fresh] if renewed.time is None else renewed.time
-    scatter, step = estimate_noise(values, time), quantum(values, time)
-    rounding = resolution(values, time) if step > 0.0 else 0.0
-    return max(scatter, rounding), step if rounding > scatter else 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,9 @@ from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
 from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
-from discovery.recordings.reading_noise import white_noise
-from discovery.recordings.rounding import resolution
+from discovery.recordings.reading_noise import estimate_noise, white_noise
+from discovery.recordings.renewals import Renewals, renewals
+from discovery.recordings.rounding import quantum, resolution
 from discovery.recordings.running_on import runs_on
 from discovery.recordings.turns import joined_turns
 
@@ -79,6 +81,21 @@ class Signals:
     def seconds(self) -> FloatArray:
         """The times [s] of the readings (n,)."""
         return np.arange(self.output.values.size) / (self.rate or 1.0) if self.time is None else self.time.si
+
+    @cached_property
+    def renewed(self) -> Renewals | None:
+        """When the output was renewed; None where every reading is a new one."""
+        return renewals(self.seconds, self.output.values)
+
+    @cached_property
+    def noise(self) -> tuple[float, float]:
+        """The noise of a reading of the output, no less than that of its steps, and the step if that is what it is."""
+        values, time, renewed = self.output.values, self.seconds, self.renewed
+        if renewed is not None:
+            values, time = values[renewed.fresh], time[renewed.fresh] if renewed.time is None else renewed.time
+        scatter, step = estimate_noise(values, time), quantum(values, time)
+        rounding = resolution(values, time) if step > 0.0 else 0.0
+        return max(scatter, rounding), step if rounding > scatter else 0.0
 
 
 def open_table(path: Path) -> tuple[Table, tuple[str, ...]]:

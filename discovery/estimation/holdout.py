@@ -85,7 +85,7 @@ class HoldOut:
         whole = all(e.fitted_samples == two_thirds(e.recording.time.size) for e in self.train)
         return f"last third {'' if whole else 'of the motion '}of each training recording, continued"
 
-    @property
+    @cached_property
     def motion(self) -> float:
         """The largest scatter of a stretch of what is held out [noise sds]: how much it can tell."""
         first = (e.fitted_samples or 0 if self.continued else 0 for e in self.experiments)

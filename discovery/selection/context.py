@@ -69,8 +69,7 @@ class Context:
 
     def kernel_effects(self, model: Model) -> tuple[str, ...]:
         """Return every effect that may come into question on the base, also where what was added is taken out."""
-        models = (model, model.without(self.added(model)))
-        ever = (e for each in models for e in self.candidates(each, which=eventual_candidates))
+        ever = self.candidates(model.without(self.added(model)), which=eventual_candidates)
         return tuple(sorted({*model.effects, *ever, SmoothForce.id()}))
 
     def added(self, model: Model) -> tuple[str, ...]:
