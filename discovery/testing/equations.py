@@ -44,6 +44,19 @@ def slopes_of(base_name: str, sample: Sample) -> FloatArray:
     return evaluator(whole(base_name))(sample.time, sample.recorded, sample.state, sample.parameters)
 
 
+def shaken(base_name: str, sample: Sample) -> FloatArray:
+    """Return how far slopes (n, k) move at most as one state changes by its round-off.
+
+    A joint that gives way may leave the inertia nearer to singular than the bare one.
+    """
+    still, moved = slopes_of(base_name, sample), []
+    for row in range(len(sample.state)):
+        state = sample.state.copy()
+        state[row] *= 1 + 2 * np.finfo(float).eps
+        moved.append(np.abs(slopes_of(base_name, replace(sample, state=state)) - still))
+    return np.max(moved, axis=0)
+
+
 @lru_cache(maxsize=8192)
 def _used(expression: sp.Expr) -> tuple[sp.Symbol, ...]:
     return tuple(sorted(expression.free_symbols, key=str))
