@@ -365,3 +365,16 @@ def test_a_shifted_instrument_and_a_shifted_spring_are_the_same_to_a_linear_syst
     found = {c.effect: c.sensitivity for c in screened(theta_0=0.01)}
     assert similarity(found["angle_offset"], found["equilibrium_offset"]) == pytest.approx(1.0, abs=1e-6)
     assert similarity(found["angle_offset"], found["sensor_delay"]) < 0.5
+
+
+def test_no_refit_ends_above_the_model_without_its_effect() -> None:
+    """A first-order step that goes far astray leads to another minimum, or to none."""
+    found = declared_fit(beta=60.0)
+    astray = [
+        replace(c, starts=tuple(replace(s, values=-300 * np.abs(s.values) - 1.0) for s in c.starts))
+        for c in screened(beta=60.0)
+    ]
+    refits = refit(found.minimum, found.problem, astray)
+    above = {r.effect: r.chi2 for r in refits if r.chi2 > 2 * found.minimum.cost}
+    assert len(refits) > 20
+    assert not above

@@ -167,7 +167,8 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
     promising = [leading[label] for label in list(dict.fromkeys(labels))[:_PROMISING]]
     all_of_them = leading.values() if thorough else ()
     chosen = list(dict.fromkeys([*near[:_FINISHED], *nearest[:_FINISHED], *promising, *stalled, *all_of_them]))
-    ends = [np.where(np.isfinite(minima[i].x), minima[i].x, problems[i].start({})) for i in chosen]
+    # What ended above the model without it begins anew from that, where the effect is absent.
+    ends = [_absent(problems[i], problem, minimum, minima[i].x) if i in stalled else minima[i].x for i in chosen]
     finished = settle([problems[i] for i in chosen], ends, _CHECKED)
     for i, found in zip(chosen, finished, strict=True):
         if found.cost < minima[i].cost or not np.isfinite(minima[i].cost):
@@ -178,6 +179,18 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
     return best_of(
         Refit(each[-1], p, replace(m, blown=each in blown)) for each, p, m in zip(labels, problems, minima, strict=True)
     )
+
+
+def _absent(problem: Problem, smaller: Problem, minimum: Minimum, end: FloatArray) -> FloatArray:
+    """Return the minimum of a smaller problem in one with effects more, absent, in the shapes in which they ended."""
+    at = problem.start(problem.named(end) if np.isfinite(end).all() else {})
+    known, model = smaller.named(minimum.x), problem.model.parameters
+    for i, name in enumerate(problem.names):
+        if name in known:
+            at[i] = known[name]
+        elif name not in model or not model[name].shape:  # sizes, and what recordings have of their own
+            at[i] = model[name].default * problem.units.scale(model[name]) if name in model else 0.0
+    return at
 
 
 def _holding(model: Model, others: Mapping[str, float] | None) -> Model:
