@@ -288,6 +288,12 @@ def test_a_force_that_hardly_repeats_imitates_others_and_one_that_never_does_cou
     assert found == [np.inf, 1.0, 1.0, 0.0]
 
 
+def test_a_force_that_repeats_within_two_readings_could_be_anything() -> None:
+    effect = get_effect("periodic_disturbance")
+    found = [effect.imitates({"Omega": share * np.pi / 0.05}, 1.0, 100.0, 0.05, 1.0, 1.0) for share in (0.9, 1.1)]
+    assert found == [0.0, np.inf]
+
+
 def test_a_periodic_force_keeps_its_direction_while_the_arm_turns() -> None:
     push = {"a_s": 0.3, "a_c": -0.1, "b_s": 0.2, "b_c": 0.4, "Omega": 4.0}
     drive = Swing()

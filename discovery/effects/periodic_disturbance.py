@@ -37,7 +37,8 @@ class PeriodicDisturbance(Load):
     ellipse. The second one turns with the arm and pushes across it. An oscillator has one direction, and the first pair
     acts on it. Recordings begin at any moment, so each has a phase :math:`\psi` of its own, counted from that of the
     first; that of a held-out one is fitted with its start, and a prediction from inputs alone takes that of the first.
-    Near the arm's own frequency the force imitates any slow change of a free decay.
+    Near the arm's own frequency the force imitates any slow change of a free decay; between two readings it repeats
+    unseen.
     """
 
     cite = "forced vibration; Den Hartog, Mechanical Vibrations (1956), chapter 2"
@@ -87,9 +88,10 @@ class PeriodicDisturbance(Load):
 
     @classmethod
     def imitates(cls, values, time, duration, step, reach, passes):
-        """Return whether the force is near the system's own frequency, or has hardly time to repeat, or none."""
-        near, cycles = abs(values["Omega"] * time - 1) < _NEAR, values["Omega"] * duration / (2 * np.pi)
-        return np.inf if cycles < 1 else near or cycles < _CYCLES
+        """Return whether the force repeats as the motion may, or hardly; or not once, or within two readings."""
+        Omega = values["Omega"]
+        near, cycles = abs(Omega * time - 1) < _NEAR, Omega * duration / (2 * np.pi)
+        return np.inf if cycles < 1 or Omega * step > np.pi else near or cycles < _CYCLES
 
     def expression(self):
         """Return P."""

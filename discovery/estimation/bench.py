@@ -222,9 +222,9 @@ class Bench:
 
     @property
     def seen(self) -> tuple[float, float]:
-        """Duration of the longest recording, and the step between its readings [s]."""
-        longest = max((e.recording.time for e in self.experiments), key=np.ptp)
-        return float(np.ptp(longest)), median_step(longest)
+        """Duration of the longest recording, and the shortest step between readings [s]."""
+        times = [e.recording.time for e in self.experiments]
+        return max(float(np.ptp(time)) for time in times), min(map(median_step, times))
 
     @property
     def cost(self) -> int:
