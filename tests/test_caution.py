@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -20,11 +21,15 @@ from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.log_evidence import Evidence
 from discovery.estimation.natural_units import natural_units
+from discovery.estimation.problem import Problem
 from discovery.recordings.dataset import load_dataset
 from discovery.report.doubt_sentences import caution_sentence, contradiction_sentences
 from discovery.report.sentences import decision_sentence
 from discovery.runs.loop import close_loop
+from discovery.screening.refits import Refit
+from discovery.selection.contender import Contender
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +67,17 @@ def test_a_value_at_an_edge_that_is_no_zero_is_doubted(scaled: Fit) -> None:
     assert moved(scaled, "s", 0.9) == []
 
 
+def test_a_law_whose_size_ends_at_an_edge_stands_for_what_it_cannot_be(scaled: Fit) -> None:
+    def imitation(share: float) -> float:
+        x, k = scaled.minimum.x.copy(), scaled.problem.names.index("s")
+        low, high = (bound[k] for bound in scaled.problem.bounds)
+        x[k] = low + share * (high - low)
+        refit = Refit("position_scale", scaled.problem, replace(scaled.minimum, x=x))
+        return Contender(("position_scale",), refit, Evidence.none()).imitation("position_scale")
+
+    assert [imitation(share) for share in (0.0, 0.5, 0.9, 1.0)] == [1.0, 0.0, 0.0, 1.0]
+
+
 def test_a_shape_at_either_end_is_doubted() -> None:
     """A width is not absent where it is smallest, as the damping of a mode is that has none."""
     effects, names = ("hysteresis_at_joint", "second_mode"), ("w_h_joint", "zeta_2", "omega_2")
@@ -70,9 +86,11 @@ def test_a_shape_at_either_end_is_doubted() -> None:
     model = SimpleNamespace(parameters=parameters, effects=effects)
 
     def found(x: list[float], **gaussian: tuple[float, float]) -> list[tuple[str, str]]:
-        problem = SimpleNamespace(free=names, bounds=bounds, gaussian=gaussian, model=model)
+        problem: Any = SimpleNamespace(free=names, bounds=bounds, gaussian=gaussian, model=model)
+        problem.edges = partial(Problem.edges, problem)
+        told, values = (lambda n: {"unit": parameters[n].unit}), dict(zip(names, x, strict=True))
         minimum = SimpleNamespace(x=np.array(x))
-        fitted: Any = SimpleNamespace(problem=problem, minimum=minimum, told=lambda n: {"unit": parameters[n].unit})
+        fitted: Any = SimpleNamespace(problem=problem, minimum=minimum, told=told, values=values, model=model)
         return [(c.about, c.effect) for c in at_edges(fitted, effects[:1])]
 
     added, declared = ("w_h_joint", effects[0]), ("omega_2", "")

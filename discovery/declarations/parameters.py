@@ -42,6 +42,8 @@ class Parameter:
     own : bool
         True when every recording has its own value, such as a phase, fitted beside its initial state. The default is
         that of the first recording, from which the others are counted. It is `fixed` as well.
+    natural : bool
+        True where physics ends at the bounds, not a range: a value there is one like others.
     latex : str
         Symbol in formulas; the attribute's own name when empty.
     physical : bool
@@ -77,6 +79,7 @@ class Parameter:
     fixed: bool = False
     planar: bool = False
     own: bool = False
+    natural: bool = False
     latex: str = ""
     name: str = ""
     physical: bool = False

@@ -13,9 +13,8 @@ from discovery.equations.losses import is_passive
 from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import BENT
+from discovery.foundation.start_names import start_of
 
-#: Part of its range within which a value lies at an edge.
-_EDGE = 1e-3
 #: Standard deviations by which a constant would go beyond zero.
 _BEYOND = 3.0
 _TOLD = 2.0  # of those by which a gain is told from zero
@@ -24,26 +23,11 @@ _FARTHER = 3.0
 
 
 def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
-    """Return the parameters of a fit at an edge that is no zero: their range ends there, not physics.
-
-    What the rig states or guesses, or a law holds by convention, is left out.
-    """
-    problem = fitted.problem
-    owner = {p.name: e for e in {*added}.intersection(problem.model.effects) for p in get_effect(e).parameters()}
+    """Return the parameters of a fit at an edge that is no zero, see `discovery.estimation.problem.Problem.edges`."""
+    owner = {p.name: e for e in {*added}.intersection(fitted.model.effects) for p in get_effect(e).parameters()}
     found = []
-    for name, value, low, high in zip(problem.free, fitted.minimum.x, *problem.bounds, strict=False):
-        parameter = problem.model.parameters[name]
-        near = _EDGE * (high - low)
-        if name in problem.gaussian or parameter.physical or not np.isfinite(near):
-            continue
-        # Of a range on one side of zero the end that is nearer to it is where the quantity is absent. A shape, as a
-        # width, is not absent at an end that is no zero, and its range spans decades.
-        lowest = low + (min(near, _EDGE * abs(low)) if parameter.shape else near)
-        ends = low < 0 or (parameter.shape and low > 0)
-        at_edge = (high > 0 and value >= high - near) or (ends and value <= lowest)
-        if not at_edge:
-            continue
-        numbers = {"value": float(value), "unit": fitted.told(name)["unit"]}
+    for name in fitted.problem.edges(fitted.minimum.x):
+        numbers = {"value": fitted.values[name], "unit": fitted.told(name)["unit"]}
         found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
     return found
 
@@ -142,8 +126,9 @@ def untold(final: Fit, added: Iterable[str]) -> list[Caution]:
     """
     found = []
     for effect in (e for e in added if e in final.model.effects):
-        sizes = [p.name for p in get_effect(effect).parameters() if not (p.shape or p.fixed)]
-        told = {name: final.told(name) for name in sizes if name in final.values}
+        law = get_effect(effect)
+        sizes = {p.name for p in law.parameters() if not (p.shape or p.fixed) or (p.own and law.reduces_to)}
+        told = {n: final.told(n) for n in final.values if n in sizes or (start_of(n) or ("",))[0] in sizes}
         if not told or any(final.reasons.get(name) == BENT for name in told):
             continue
         if not any(q["sd"] is not None and abs(q["value"]) >= _BEYOND * q["sd"] for q in told.values()):

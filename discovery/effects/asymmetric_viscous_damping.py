@@ -21,7 +21,7 @@ class AsymmetricViscousDamping(Load):
     cite = "Dixon, The Shock Absorber Handbook (2007)"
     a_v = Parameter(
         "1", "asymmetry of the viscous damping, a share of it", (-1.0, 1.0), Normal(0.0, 0.5),
-        starts=(0.1, -0.1, 0.5, -0.5), latex="a_v",
+        starts=(0.1, -0.1, 0.5, -0.5), natural=True, latex="a_v",
     )  # fmt: skip
 
     def expression(self):

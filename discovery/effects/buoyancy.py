@@ -26,7 +26,7 @@ class Buoyancy(Load):
     cite = "Batchelor, An Introduction to Fluid Dynamics (1967), section 6.4"
     b_g = Parameter(
         "s^-2 q", "part of the gravitational acceleration that is carried", (0.0, 1.0), HalfStudent(0.05),
-        starts=(0.001, 0.005), latex="b_g",
+        starts=(0.001, 0.005), natural=True, latex="b_g",
     )  # fmt: skip
 
     def expression(self):

@@ -19,6 +19,8 @@ from discovery.foundation.arrays import FloatArray, IntArray
 from discovery.mechanics import get_base
 from discovery.recordings.experiment import Experiment
 
+#: Part of its range within which a value lies at an edge.
+EDGE = 1e-3
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
 
@@ -191,6 +193,24 @@ class Problem:
     def named(self, x: FloatArray) -> dict[str, float]:
         """Return a free vector (m,) by name."""
         return dict(zip(self.names, x.tolist(), strict=True))
+
+    def edges(self, x: FloatArray) -> list[str]:
+        """Return the free parameters at an end of their range that is no zero: there the range ends, not physics.
+
+        What the rig states or guesses, or a law holds by convention, is left out.
+        """
+        found = []
+        for name, value, low, high in zip(self.free, x, *self.bounds, strict=False):
+            parameter, near = self.model.parameters[name], EDGE * (high - low)
+            if name in self.gaussian or parameter.physical or not np.isfinite(near):
+                continue
+            # Of a range on one side of zero the end that is nearer to it is where the quantity is absent. A shape, as a
+            # width, is not absent at an end that is no zero, and its range spans decades.
+            lowest = low + (min(near, EDGE * abs(low)) if parameter.shape else near)
+            ends = low < 0 or (parameter.shape and low > 0)
+            if (high > 0 and value >= high - near) or (ends and value <= lowest):
+                found.append(name)
+        return found
 
     def predict(self, x: FloatArray) -> list[FloatArray]:
         """Return the channels of every recording, each (n, c), of a free vector (m,)."""

@@ -81,14 +81,15 @@ class Contender:
         return replace(self.refit.problem, error=error).whitened(columns)
 
     def imitation(self, effect: str) -> float:
-        """Return whether one of its effects does what others do at its values, see `Effect.imitates`."""
-        law, units, (duration, step) = get_effect(effect), self.refit.problem.units, self.refit.problem.bench.seen
-        return law.imitates(self.refit.values, units.time, duration, step, units.reach(law.place), units.passes)
+        """Return whether one of its effects does what others do, see `Effect.imitates`, or what it cannot be."""
+        law, problem, units = get_effect(effect), self.refit.problem, self.refit.problem.units
+        sizes = {p.name for p in law.parameters() if not (p.shape or p.natural)}
+        own = law.imitates(self.refit.values, units.time, *problem.bench.seen, units.reach(law.place), units.passes)
+        return max(own, not sizes.isdisjoint(problem.edges(self.refit.minimum.x)))
 
     def strays(self, found: Contender) -> bool:
         """Return whether an effect that it shares with a set imitates others here, and not there."""
-        shared = {*self.added}.intersection(found.added)
-        return any(self.imitation(e) > found.imitation(e) for e in shared)
+        return any(self.imitation(e) > found.imitation(e) for e in {*self.added}.intersection(found.added))
 
     @property
     def is_far(self) -> bool:
