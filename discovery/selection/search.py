@@ -143,7 +143,7 @@ class Search:
         searched, self.best, settings = self.best, last, self.context.settings
         self._simplify()
         least, against = self.context.judge.asked(-HELD) * settings.nats, (declared, declared, settings)
-        while self.best.added and min((odds := odds_of(self.best, *against)).held, odds.ahead) < least:
+        while self.best.added and (odds := odds_of(self.best, *against)).ahead < least:
             sets = {e: settled(self.neighbours.without(self.best, e), self.context) for e in self.best.added}
             effect = max(sets, key=lambda e: sets[e].joint)
             self.decisions.append(Decision("remove", (effect,), True, "predicts_worse", odds.numbers))
