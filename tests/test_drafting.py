@@ -15,6 +15,7 @@ from discovery.drafting.law_of_motion import centre_of, is_relative, own_period
 from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
 from discovery.drafting.rig_text import draft
+from discovery.foundation.clock import seconds_of
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
 from discovery.recordings.dataset import load_dataset
@@ -785,6 +786,56 @@ def test_times_without_a_name_in_uneven_steps_are_the_only_column_that_rises(tmp
     np.savetxt(path, np.column_stack([time, time**2, np.cos(3.0 * time)]), "%.6f", "\t")
     with pytest.raises(InputError, match="no column of times"):
         draft([path], tmp_path)
+
+
+def test_a_column_that_stands_still_is_no_clock(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "state,step,theta", np.zeros(TIME.size), 1e3 * TIME + 9e3, SWING)
+    assert drafted(path)["columns"]["time"] == {"name": "step", "unit": "ms"}
+
+
+@pytest.mark.parametrize("day", ["", "2024-05-01 ", "2024-05-01T"])
+def test_times_of_a_clock_are_seconds(day: str, tmp_path: Path) -> None:
+    seconds = 59 + TIME[:900]
+    stamps = [f"{day}14:{43 + int(s // 60)}:{s % 60:06.3f}" for s in seconds]
+    rows = [f"{stamp},{angle:.6f}" for stamp, angle in zip(stamps, SWING, strict=False)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(["Timestamp,theta", *rows]), encoding="utf-8")
+    assert drafted(path)["columns"]["time"] == {"name": "Timestamp", "unit": "s"}
+    time = load_dataset(tmp_path / "rig.toml").train[0].recording.time
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("cells", "seconds"),
+    [
+        (["23:59:59.5", "0:00:00.0", " ", "00:00:00.5"], [0.0, 0.5, np.nan, 1.0]),
+        (["", "59:59.9", "00:00.1"], [np.nan, 0.0, 0.2]),
+        (["00:00:00", "13:00:00", "126:00:00"], [0.0, 46800.0, 453600.0]),
+        (["2024-03-30T23:00:00+01:00", "2024-03-31T01:00:00+02:00"], [0.0, 3600.0]),
+    ],
+)
+def test_times_that_pass_midnight_go_on(cells: list[str], seconds: list[float]) -> None:
+    np.testing.assert_allclose(seconds_of(np.array(cells, object)), seconds, atol=1e-9)
+
+
+@pytest.mark.parametrize("cell", ["25:61:00", "noon", "2024-13-41 10:00:00", "12.5", "2024-05-01 10:00:01Z"])
+def test_what_is_no_time_of_a_clock_is_refused(cell: str) -> None:
+    date = "2024-05-01 " if "-" in cell else ""
+    assert seconds_of(np.array([f"{date}10:00:00", cell], object)) is None
+    assert seconds_of(np.array(["", cell.replace("Z", "+99:99")], object)) is None
+
+
+def test_whole_numbers_of_an_angle_may_be_counts(tmp_path: Path) -> None:
+    counts = np.round(400 * SWING)
+    path = written(tmp_path, "a.csv", "t_s,theta", TIME, counts)
+    assert "of an encoder's counts it is rev, scale = 1 over those of a turn" in draft([path], tmp_path)
+    path = written(tmp_path, "b.csv", "t_s,theta", TIME, counts + 0.25)
+    assert "counts" not in draft([path], tmp_path)
+
+
+def test_an_instrument_that_reads_volts_is_in_volts(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "t_s,Volt", TIME, SWING)
+    assert drafted(path)["columns"]["output"]["unit"] == "V"
 
 
 def test_a_rate_takes_the_place_of_times(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from discovery.drafting.names import meaning_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
 from discovery.foundation.io import Table
@@ -23,7 +24,8 @@ def numbers_of(table: Table, used: set[str] | None) -> dict[str, FloatArray]:
     found, refused = {}, []
     for name in table.columns:
         try:
-            values = table.numbers(name)
+            clock = meaning_of(name).role == "time" or name in (used or ())
+            values = table.times(name) if clock else table.numbers(name)
         except InputError as error:
             if (used is None or name in used) and _mostly_numbers(table.columns[name]):
                 raise

@@ -265,6 +265,8 @@ def _guessed(signal: Signal) -> str:
         return "FILL IN the unit, s or ms, which neither name nor numbers tell; "
     if signal.unit in ("m/s", "rad/s") and not TURNING.intersection(words_of(signal.name)):
         return "FILL IN the unit, m/s or rad/s, which neither name nor numbers tell; "
+    if signal.unit == "deg" and np.array_equal(signal.values, np.round(signal.values), equal_nan=True):
+        return "FILL IN the unit: of an encoder's counts it is rev, scale = 1 over those of a turn; "
     return "FILL IN the unit, which the name does not state; " if signal.unit == "1" else "unit guessed; "
 
 

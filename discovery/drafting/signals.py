@@ -222,7 +222,7 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
     perhaps = {name: columns[name] for name, told in meanings.items() if told.role == "" or told.lasts}
     for name, values in perhaps.items():
         steps = np.diff(values)
-        if steps.size and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
+        if steps.size and steps[0] > 0 and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
             return name
     rising = [name for name, values in perhaps.items() if (np.diff(values) > 0).all()]
     if len(rising) == 1:
@@ -292,5 +292,5 @@ def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str,
         slides = "vel" in name.lower() and not TURNING.intersection(words_of(name))
         unit = "m/s" if slides else "rad/s"
     else:
-        unit = "V" if role == "input" and "volt" in name.lower() else "1"
+        unit = "V" if "volt" in name.lower() else "1"
     return Signal(name, unit, True, values)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from discovery.foundation.arrays import FloatArray, IntArray
+from discovery.foundation.clock import seconds_of
 from discovery.foundation.encoding import decoded
 from discovery.foundation.errors import ComputationError, InputError, suggestion
 from discovery.foundation.text_table import parse_text
@@ -113,6 +114,19 @@ class Table:
                 "Leave the cell empty where there is no reading. Correct the unit or the scale if all are that large."
             )
         return values
+
+    def times(self, name: str, unit: str = "s") -> FloatArray:
+        """Give a column of times as numbers, shape (n,); those of a clock are seconds since the first.
+
+        `unit`: the unit that is declared. InputError for a clock's times in another one than seconds.
+        """
+        column = self.columns[name]
+        passed = seconds_of(column) if column.dtype.kind in "OUS" else None
+        if passed is not None and unit != "s":
+            raise InputError(
+                f"{self.path}, column {name!r}: times of a clock are in s, not in {unit!r}. Correct the unit."
+            )
+        return self.numbers(name) if passed is None else passed
 
 
 def _parse(column: npt.NDArray[Any]) -> tuple[FloatArray, int | None]:

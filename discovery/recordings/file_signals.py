@@ -65,7 +65,8 @@ class Signals:
             counted = names or counted
         rows = picked_rows(table, counted, samples, where)[:: rig.columns.every]
         table = table.take(list(dict.fromkeys(counted.values())), rows)
-        values = {stem: _in_si(table.numbers(column), rig, stem, units[stem]) for stem, column in names.items()}
+        read = {s: table.times(c, units[s]) if s == "time" else table.numbers(c) for s, c in names.items()}
+        values = {stem: _in_si(numbers, rig, stem, units[stem]) for stem, numbers in read.items()}
         return cls(
             table,
             names,

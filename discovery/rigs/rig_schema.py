@@ -51,7 +51,11 @@ class TimeTable(Table):
     rate_hz: _Positive | None = Field(
         default=None, description="Rows per second, where the file has no column of times. Left out, `name` is needed."
     )
-    name: Text | None = Field(default=None, description="Column of the times. Left out, `rate_hz` is needed.")
+    name: Text | None = Field(
+        default=None,
+        description="Column of the times: numbers, or what a clock shows (14:03:05.25, with a date or not), in s. "
+        "Left out, `rate_hz` is needed.",
+    )
     unit: Text = Field(default="s", description="Unit of the column, and of `jitter`.")
     assumed: bool = Field(
         default=False,
