@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import sympy as sp
 
 from discovery.declarations.place import placed
@@ -87,3 +89,18 @@ def same_losses(model: Model, loss: str) -> frozenset[str]:
         if rate != 0 and not sp.simplify(factor / rate**2).free_symbols.intersection((*places, *rates)):
             found.add(placed("viscous_damping", name))
     return frozenset(found)
+
+
+def doubled(model: Model, added: Iterable[str]) -> dict[str, Model]:
+    """Return, for each law of a model that added ones contain, and so double, the model without it.
+
+    It is an effect, or a constant of a system's own losses.
+
+    Examples
+    --------
+    >>> sorted(doubled(Model("oscillator", ("viscous_damping", "linear_stiffness")), ["recording_damping"]))
+    ['viscous_damping']
+    """
+    contained = {law for effect in added for law in get_effect(effect).reduces_to}
+    losses = {loss: less for loss, less in without_losses(model).items() if contained & same_losses(model, loss)}
+    return losses | {law: model.without(law) for law in contained.intersection(model.effects)}

@@ -9,6 +9,7 @@ from scipy.linalg import orth
 
 from discovery.declarations.effect import Effect
 from discovery.declarations.registry import get_effect
+from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
@@ -69,20 +70,20 @@ def reduced(fitted: Refit, effect: str) -> list[Refit]:
     return found
 
 
-def absorbed(fitted: Refit, law: str) -> Refit:
+def absorbed(fitted: Refit, law: str, model: Model) -> Refit:
     """Return the refit without a law that another of its model contains, from where that has what both held.
 
-    `fitted`: with both. `law`: the one contained.
+    `fitted`: with both. `law`: the one contained, or a constant of the system that is. `model`: without it.
     """
-    problem, values, smaller = fitted.problem, dict(fitted.values), get_effect(law)
-    larger = next(e for e in problem.model.terms if law in e.reduces_to)
-    for p in smaller.parameters():
-        twice = [o.name for o in larger.parameters() if (o.unit, o.shape, o.fixed) == (p.unit, p.shape, p.fixed)]
+    problem, values = fitted.problem, dict(fitted.values)
+    larger = [o for e in problem.model.terms if law in e.reduces_to for o in e.parameters()]
+    for p in get_effect(law).parameters() if larger else ():
+        twice = [o.name for o in larger if (o.unit, o.shape, o.fixed) == (p.unit, p.shape, p.fixed)]
         if twice and not p.shape:
             values[twice[0]] += values[p.name]
-    own = Problem(problem.model.without(law), problem.bench, problem.units, problem.gaussian)
+    own = Problem(model, problem.bench, problem.units, problem.gaussian)
     (minimum,) = fit_problems([own], [own.start(values)], tolerance=1e-6, rough=True)
-    return Refit(larger.id(), own, minimum)
+    return Refit(next(reversed(model.effects), ""), own, minimum)
 
 
 def _alike_values(larger: Effect, smaller: Effect, values: Mapping[str, float]) -> dict[str, float]:

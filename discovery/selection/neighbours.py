@@ -8,7 +8,7 @@ from functools import cache, partial
 import numpy as np
 
 from discovery.declarations.registry import get_effect
-from discovery.equations.losses import is_loss, without_losses
+from discovery.equations.losses import doubled, is_loss, without_losses
 from discovery.screening.likeness import absorbed, reduced
 from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
@@ -112,11 +112,11 @@ class Neighbours:
 
     def without_contained(self, found: Contender) -> dict[str, tuple[Contender, Contender]]:
         """Return, for a declared law that a member of a set contains, and so doubles, start and set without it."""
-        twice = {law for e in found.added for law in get_effect(e).reduces_to}.intersection(self.root.model.effects)
+        root, own = (doubled(c.model, found.added) for c in (self.root, found))
         made = {}
-        for law in sorted(twice):
-            rest = relaxed(self.root.refit, self.root.model.without(law))
-            sets = (((), rest), (found.added, absorbed(found.refit, law)))
+        for law in sorted(root):
+            rest = relaxed(self.root.refit, root[law])
+            sets = (((), rest), (found.added, absorbed(found.refit, law, own[law])))
             (start,), (less,) = (contenders(self.context, [own]) for own in sets)
             made[law] = start, self._beside(found, less)
         return made
