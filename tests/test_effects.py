@@ -235,7 +235,8 @@ def test_without_one_amplitude_an_effect_is_the_simpler_law_that_it_reduces_to(e
     model = Model(base, tuple(sorted({*every_effect(base), SmoothForce.id()})))
     bench = Bench(model.base, model.effects, [recording], 0.01)
     absent = {n: p.default for n, p in model.parameters.items()}
-    absent |= {"alpha": 9.0, "xi": 0.05, "length": 1.0, "mu": 0.1, "tau_r": 1e-4} if system == ARM else {}
+    pushed = {"g": 1.0, "alpha": 9.0}
+    absent |= {"alpha": 9.0, "xi": 0.05, "length": 1.0, "mu": 0.1, "tau_r": 1e-4} if system == ARM else pushed
 
     def moved(amplitude: str) -> np.ndarray:
         values = absent | {amplitude: 0.05}

@@ -29,7 +29,7 @@ from discovery.simulation.simulate import Simulator
 LINEAR = ("viscous_damping", "linear_stiffness")
 ON_A_LINE = ("oscillator", "accelerometer", "base_excited", "moving_pivot", "servo", "inverse_dynamics", "falling_body")
 TIME = np.linspace(0.0, 4.0, 401)
-TYPICAL = {"alpha": 9.0, "xi": 0.3, "g": 1.3}
+TYPICAL = {"alpha": 9.0, "xi": 0.3, "xi_1": 0.3, "g": 1.3}
 MODE = {"g_2": -0.4, "omega_2": 11.0, "zeta_2": 0.03}
 
 

@@ -71,7 +71,9 @@ def recover(effect: str, base: str = "") -> tuple[Fit, dict[str, float]]:
     bases = ("constant_radius", "reduced", "elastica_1") if arms else ("oscillator", "servo", "base_excited")
     base = base or next(b for b in bases if effect in every_effect(b))
     # What is offered where nothing ties the body is told apart there.
-    context = ("viscous_damping",) if get_effect(effect).needs == ROTOR else ("viscous_damping", "linear_stiffness")
+    laws = ("viscous_damping",) if get_effect(effect).needs == ROTOR else ("viscous_damping", "linear_stiffness")
+    # Beside a law that contains it, one has nothing of its own.
+    context = tuple(law for law in laws if law not in get_effect(effect).reduces_to)
     rod = {n: v for n, v in _ROD.items() if n in {p.name for p in get_base(base).parameters()}}
     known = {"length": 1.2, **rod} if get_base(base).system.has_rod else {"g": 1.0}
     model = Model(base, (*context, *({effect} - set(context))), known)
