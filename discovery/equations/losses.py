@@ -102,5 +102,6 @@ def doubled(model: Model, added: Iterable[str]) -> dict[str, Model]:
     ['viscous_damping']
     """
     contained = {law for effect in added for law in get_effect(effect).reduces_to}
-    losses = {loss: less for loss, less in without_losses(model).items() if contained & same_losses(model, loss)}
+    declared = without_losses(model) if contained else {}
+    losses = {loss: less for loss, less in declared.items() if contained & same_losses(model, loss)}
     return losses | {law: model.without(law) for law in contained.intersection(model.effects)}

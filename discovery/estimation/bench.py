@@ -220,7 +220,7 @@ class Bench:
         """Shortest step at the pace of these experiments, that of a motion of which no pace is known [s]."""
         return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
-    @property
+    @cached_property
     def seen(self) -> tuple[float, float]:
         """Duration of the longest recording, and the shortest step between readings [s]."""
         times = [e.recording.time for e in self.experiments]

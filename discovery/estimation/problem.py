@@ -20,7 +20,7 @@ from discovery.mechanics import get_base
 from discovery.recordings.experiment import Experiment
 
 #: Part of its range within which a value lies at an edge.
-EDGE = 1e-3
+_EDGE = 1e-3
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
 
@@ -201,12 +201,12 @@ class Problem:
         """
         found = []
         for name, value, low, high in zip(self.free, x, *self.bounds, strict=False):
-            parameter, near = self.model.parameters[name], EDGE * (high - low)
+            parameter, near = self.model.parameters[name], _EDGE * (high - low)
             if name in self.gaussian or parameter.physical or not np.isfinite(near):
                 continue
             # Of a range on one side of zero the end that is nearer to it is where the quantity is absent. A shape, as a
             # width, is not absent at an end that is no zero, and its range spans decades.
-            lowest = low + (min(near, EDGE * abs(low)) if parameter.shape else near)
+            lowest = low + (min(near, _EDGE * abs(low)) if parameter.shape else near)
             ends = low < 0 or (parameter.shape and low > 0)
             if (high > 0 and value >= high - near) or (ends and value <= lowest):
                 found.append(name)

@@ -183,14 +183,11 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
 
 def _absent(problem: Problem, smaller: Problem, minimum: Minimum, end: FloatArray) -> FloatArray:
     """Return the minimum of a smaller problem in one with effects more, absent, in the shapes in which they ended."""
-    at = problem.start(problem.named(end) if np.isfinite(end).all() else {})
-    known, model = smaller.named(minimum.x), problem.model.parameters
-    for i, name in enumerate(problem.names):
-        if name in known:
-            at[i] = known[name]
-        elif name not in model or not model[name].shape:  # sizes, and what recordings have of their own
-            at[i] = model[name].default * problem.units.scale(model[name]) if name in model else 0.0
-    return at
+    ended = problem.named(end) if np.isfinite(end).all() else {}
+    sizes = {n: p for n in problem.free if not (p := problem.model.parameters[n]).shape}
+    absent = {n: p.default * problem.units.scale(p) for n, p in sizes.items()}
+    own = dict.fromkeys(problem.names[len(problem.free) :], 0.0)
+    return problem.start({**ended, **absent, **own, **smaller.named(minimum.x)})
 
 
 def _holding(model: Model, others: Mapping[str, float] | None) -> Model:

@@ -112,11 +112,11 @@ class Neighbours:
 
     def without_contained(self, found: Contender) -> dict[str, tuple[Contender, Contender]]:
         """Return, for a declared law that a member of a set contains, and so doubles, start and set without it."""
-        root, own = (doubled(c.model, found.added) for c in (self.root, found))
+        declared, held = (doubled(c.model, found.added) for c in (self.root, found))
         made = {}
-        for law in sorted(root):
-            rest = relaxed(self.root.refit, root[law])
-            sets = (((), rest), (found.added, absorbed(found.refit, law, own[law])))
+        for law in sorted(declared):
+            rest = relaxed(self.root.refit, declared[law])
+            sets = (((), rest), (found.added, absorbed(found.refit, law, held[law])))
             (start,), (less,) = (contenders(self.context, [own]) for own in sets)
             made[law] = start, self._beside(found, less)
         return made

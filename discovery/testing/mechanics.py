@@ -112,9 +112,7 @@ class MechanicsContract:
             expected = np.array(slopes_by_sympy(program, sample, k))
             # Round-off of a solve is a share of all accelerations together: a small one has fewer digits of its own.
             solved = np.arange(expected.size) // program.n_coordinates == 1
-            near = (
-                1e-13 + 1e1 * _round_off(base, sample) * np.abs(expected[solved]).max() + 1e1 * apart[solved, k].max()
-            )
+            near = 1e-13 + 1e1 * (_round_off(base, sample) * np.abs(expected[solved]).max() + apart[solved, k].max())
             for rows, atol in ((solved, near), (~solved, 1e-13)):
                 np.testing.assert_allclose(slopes[rows, k], expected[rows], rtol=1e-10, atol=atol)
 
