@@ -19,6 +19,7 @@ from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
+from discovery.report.sentences import decision_sentence
 from discovery.runs.lead import strongest_lead
 from discovery.runs.loop import _searching
 from discovery.screening.refits import finish, settle
@@ -398,11 +399,33 @@ def test_a_law_that_contains_a_member_takes_its_place_where_it_is_as_likely(
 
 def test_no_member_is_exchanged_where_evidence_tells_no_more_than_last_digits() -> None:
     search = offered(beta=1.0, f_c=0.02)
-    near, smaller = search.offers.beside(search.root)[-1], search.root
+    near = search.offers.beside(search.root)[-1]
     for error, exchanged in ((5.0, False), (1.0, True)):
         search.best = found = dataclasses.replace(near, evidence=dataclasses.replace(near.evidence, error=error))
-        search._exchange(found.added[-1], smaller)
+        assert search._exchange(found.added[-1]) is exchanged
         assert (search.best is not found) is exchanged
+
+
+def test_a_member_that_hides_two_others_gives_its_place_to_both() -> None:
+    search = offered(beta=1.0, f_c=0.02)
+    search.best = found = next(c for c in search.offers.beside(search.root) if c.added == ("stiffness_drift",))
+    assert search._judged(found, search.root)[1] == "accepted"
+    assert search._exchange("stiffness_drift", two=True)
+    assert {*search.best.added} == {"cubic_stiffness", "coulomb_friction"}
+    (told,) = search.decisions
+    assert (told.action, told.effects) == ("exchange", ("stiffness_drift", *search.best.added))
+    assert told.numbers["odds"] == pytest.approx(search.best.joint - found.joint)
+    assert decision_sentence(dataclasses.asdict(told)).startswith("with ")
+    # Two that gain nothing beside it do not.
+    assert not search._exchange(search.best.added[0], two=True)
+
+
+def test_nothing_is_tried_beside_a_set_that_blows_up() -> None:
+    search = offered(beta=1.0)
+    fine = search.offers.beside(search.root)[0]
+    blown = dataclasses.replace(fine, added=("none",), evidence=dataclasses.replace(fine.evidence, train=-np.inf))
+    assert not np.isfinite(blown.joint)
+    assert [search.neighbours.affords(c) for c in (fine, blown)] == [True, False]
 
 
 def test_what_is_taken_out_gives_its_place_to_what_serves() -> None:
@@ -652,7 +675,7 @@ def test_a_flexible_law_is_tried_beside_a_refused_plain_one_after_all_else(monke
         return pairs[1].added in tried[-1]
 
     monkeypatch.setattr(search, "_take", take)
-    monkeypatch.setattr(search, "_leaves_noise", lambda: False)
+    monkeypatch.setattr(Contender, "leaves_noise", lambda *_: False)
     monkeypatch.setattr(search, "_leading", lambda some, *, ahead=False: [] if ahead else some)
     offers = SimpleNamespace(
         beside=lambda node: beside[node.added if node is alone else node], pairs=lambda _, pliable=False: []

@@ -87,6 +87,10 @@ class Contender:
         own = law.imitates(self.refit.values, units.time, *problem.bench.seen, units.reach(law.place), units.passes)
         return max(own, not sizes.isdisjoint(problem.edges(self.refit.minimum.x)))
 
+    def leaves_noise(self, context: Context) -> bool:
+        """Return whether its model error cannot be told from none."""
+        return self.evidence.left <= context.least_error(self.model)
+
     def strays(self, found: Contender) -> bool:
         """Return whether an effect that it shares with a set imitates others here, and not there."""
         return any(self.imitation(e) > found.imitation(e) for e in {*self.added}.intersection(found.added))
@@ -127,10 +131,9 @@ def contenders(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) 
 
 def _freed(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[tuple[tuple[str, ...], Refit]]:
     """Return sets with what their laws hold by convention free: held, one law would seem better than another."""
-    problems = [
-        replace(r.problem, gaussian={**r.problem.gaussian, **context.conventions(r.problem.model)}) for _, r in sets
-    ]
-    new = [i for i, (_, r) in enumerate(sets) if len(problems[i].gaussian) > len(r.problem.gaussian)]
+    own = [r.problem for _, r in sets]
+    problems = [replace(p, gaussian={**p.gaussian, **context.conventions(p.model)}) for p in own]
+    new = [i for i, p in enumerate(problems) if len(p.gaussian) > len(own[i].gaussian)]
     starts = [problems[i].start(sets[i][1].values) for i in new]
     minima = fit_problems([problems[i] for i in new], starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True)
     found = list(sets)

@@ -45,7 +45,7 @@ def settled(contender: Contender, context: Context, bench: Bench | None = None) 
     known = {**problem.gaussian, **context.conventions(problem.model)}
     problem = replace(problem, gaussian=known, bench=bench or problem.bench)
     starts = [problem.start(values)]
-    if contender.evidence.left > context.least_error(problem.model):
+    if not contender.leaves_noise(context):
         starts.append(from_declared(problem, values, contender.added))
     sizes = [contender.error_size] * len(starts)
     minimum, *others = generalised([problem] * len(starts), starts, sizes, iterations=_ITERATIONS, tolerance=1e-6)

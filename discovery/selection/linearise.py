@@ -67,12 +67,9 @@ def _slopes(
     if not all_finite(fitted):
         return None
     parts = (motion.placed(*place, held[place[0]], p + len(more)) for place in motion.parts)
-    judged = [
-        constant.unless_finite(part, p + len(more)) for part, constant in zip(parts, judge.constants, strict=True)
-    ]
+    judged = [c.unless_finite(part, p + len(more)) for part, c in zip(parts, judge.constants, strict=True)]
     belief = belief_of(problem, x, refit.minimum.at_bound, more)
     scale, stated = context.settings.error_scale, context.stated_error(problem.model)
     form, time = context.settings.form_of(problem.model), context.units.time
-    constants = context.constant_scores
-    linear = Linearised(fitted, judged, belief, p, time, scale, stated, form, constants, motion)
+    linear = Linearised(fitted, judged, belief, p, time, scale, stated, form, context.constant_scores, motion)
     return Slopes(linear, np.concatenate(jacobian))

@@ -28,14 +28,16 @@ class Neighbours:
         self.context, self.offers, self.root = context, offers, root
         self._smaller: dict[object, Contender] = {}
         self._simpler: dict[object, list[Contender]] = {}
-        self._unapproximated: dict[Contender, Contender] = {}
         #: Returns a set integrated by importance sampling.
         self.sampled: Callable[[Contender], Contender] = cache(partial(integrated, context))
+        #: Returns a set on the first of the mechanics that its own approximate on which it is as likely.
+        self.unapproximated: Callable[[Contender], Contender] = cache(self._unapproximated)
 
     def affords(self, node: Contender) -> bool:
-        """Return whether the catalogue may be tried beside a set: not where that costs far more than at the start."""
+        """Return whether the catalogue may be tried beside a set: not if that blows up, or costs far more."""
         work = self.work(node)
-        return self.offers.has(node) or (work["offers"] < work["most_offers"] and work["cost"] <= work["most_cost"])
+        cheap = work["offers"] < work["most_offers"] and work["cost"] <= work["most_cost"]
+        return self.offers.has(node) or (cheap and bool(np.isfinite(node.joint)))
 
     def work(self, node: Contender) -> dict[str, float]:
         """Return a set's members, the sets extended so far, its simulations' cost in those of the start, and limits."""
@@ -61,13 +63,10 @@ class Neighbours:
         least = self.root.evidence.train + self.context.settings.nats
         return next((c for c in led if c.evidence.train > least), self.root)
 
-    def unapproximated(self, found: Contender) -> Contender:
-        """Return a set on the first of the mechanics that its own approximate on which it is as likely."""
-        if found not in self._unapproximated:
-            others = (on_mechanics(found, base, self.context) for base in found.model.mechanics.approximates)
-            likely = (c for c in others if c is not None and c.joint > found.joint - self.context.settings.nats)
-            self._unapproximated[found] = next(likely, found)
-        return self._unapproximated[found]
+    def _unapproximated(self, found: Contender) -> Contender:
+        others = (on_mechanics(found, base, self.context) for base in found.model.mechanics.approximates)
+        likely = (c for c in others if c is not None and c.joint > found.joint - self.context.settings.nats)
+        return next(likely, found)
 
     def instead_of(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with another effect in the place of a member, the most likely first.

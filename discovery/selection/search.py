@@ -76,8 +76,8 @@ class Search:
 
     def _give_up_a_loss(self) -> bool:
         """Let an effect take the place of a declared law that it contains, or, and return True, of a loss."""
-        doubled = self.neighbours.without_contained(self.best)
-        declared = doubled or ({} if self._leaves_noise() else self.neighbours.without_losses(self.best))
+        doubled, noise = self.neighbours.without_contained(self.best), self.best.leaves_noise(self.context)
+        declared = doubled or ({} if noise else self.neighbours.without_losses(self.best))
         odds = {n: between_rivals(c, self.best, self.context.settings) for n, (_, c) in declared.items()}
         loss, code = max(odds, key=lambda n: odds[n], default=""), "contained" if doubled else "accepted"
         if not (doubled or (loss and odds[loss] > self.context.settings.nats)):
@@ -180,7 +180,7 @@ class Search:
 
     def _ask_the_unknown(self) -> None:
         """Weigh an unknown force beside the set found, where more than noise is left."""
-        if self._leaves_noise() or not np.isfinite(self.best.joint):
+        if self.best.leaves_noise(self.context) or not np.isfinite(self.best.joint):
             return
         self.context.progress("weighing an unknown force")
         self.unknown = found = unknown_force(self.context, self.best)
@@ -199,22 +199,18 @@ class Search:
         self.decisions.append(Decision("mechanics", (other.model.base,), True, "accepted", {"odds": gain}))
         self.best, self.root, self.neighbours = other, root, Neighbours(self.context, self.offers, root)
         for effect in other.added:  # another may have looked like it on what they approximate
-            self._exchange(effect, self.neighbours.without(self.best, effect))
+            self._exchange(effect)
         return True
 
     def _is_complete(self) -> bool:
         """Return whether what is left is noise, held out too, and no candidate promises more than chance would."""
-        if not self._leaves_noise() or self.best.evidence.misses:
+        if not self.best.leaves_noise(self.context) or self.best.evidence.misses:
             return False
         promise = max((c.score for c in self.offers.scored(self.best)), default=0.0)
         chance = self.offers.chance(self.best, self.best)
         if promise < chance:
             self.decisions.append(Decision("stop", (), True, "complete", {"promise": promise, "chance": chance}))
         return promise < chance
-
-    def _leaves_noise(self) -> bool:
-        """Return whether the model error of the best set cannot be told from none."""
-        return self.best.evidence.left <= self.context.least_error(self.best.model)
 
     def _forward(self) -> bool:
         """Add the effect, or else the two effects, with the highest evidence that is accepted."""
@@ -226,9 +222,10 @@ class Search:
         # What the mechanics approximate may hide an effect, or look like one of the flexible ones.
         if self.best.added and self._change_mechanics():
             return False
-        if len(self.best.added) + 2 > self.context.settings.budget.most_effects or self._leaves_noise():
+        if len(self.best.added) + 2 > self.context.settings.budget.most_effects or self.best.leaves_noise(self.context):
             return self._take(pliable)
-        if self._take(pairs := self.offers.pairs(self.best)):
+        pairs = self.offers.pairs(self.best)
+        if self._take(pairs) or any(self._exchange(e, two=True) for e in self.best.added):
             return True
         leading = self._leading(laws)  # effects hide each other: what is refused alone may be right beside another
         if any(self._take(plain(self.offers.beside(c))) for c in leading) or self._take(pliable):
@@ -241,13 +238,12 @@ class Search:
 
     def _leading(self, offered: Sequence[Contender], *, ahead: bool = False) -> list[Contender]:
         """Return what is refused beside nothing and gains most in training; `ahead`, some score held out, too."""
-        if self.best.added:
-            return []
-        settings, better = self.context.settings, [c for c in offered if c.chi2 < self.best.chi2]
+        settings = self.context.settings
+        better = [c for c in offered if not self.best.added and c.chi2 < self.best.chi2]
         odds = {c: odds_of(c, self.best, self.root, settings) for c in better}
-        found = (c for c, o in odds.items() if o.train > _WORTH * settings.nats and self.neighbours.affords(c))
-        kept = [c for c in found if not ahead or max(odds[c].held, odds[c].ahead) > 0]
-        return sorted(kept, key=lambda c: -odds[c].train)[: settings.budget.beam]
+        kept = [c for c, o in odds.items() if not ahead or max(o.held, o.ahead) > 0]
+        most = (c for c in kept if odds[c].train > _WORTH * settings.nats and self.neighbours.affords(c))
+        return sorted(most, key=lambda c: -odds[c].train)[: settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
         """Make the most likely set that is accepted, fitted to its end, the best one."""
@@ -286,15 +282,19 @@ class Search:
                 self.decisions.append(Decision("remove", (effect,), True, code, odds.numbers))
                 self.best = smaller
                 continue
-            self._exchange(effect, smaller)
+            self._exchange(effect)
             waiting += [e for e in self.best.added[:-1] if e not in waiting]
 
-    def _exchange(self, effect: str, rest: Contender) -> None:
-        """Let another effect, accepted by itself, take the place of a member where the evidence tells which serves."""
-        offered = plain(self.offers.beside(rest)) if self.neighbours.affords(rest) and not self.best.is_far else []
-        new = next((c for c in offered[:_TRIED] if self._judged(c, rest)[1] == "accepted"), self.best)
-        gain, settings = new.joint - self.best.joint, self.context.settings
-        if frozenset(new.added) != frozenset(self.best.added) and gain > settings.nats:
+    def _exchange(self, effect: str, *, two: bool = False) -> bool:
+        """Let another effect, accepted by itself, or `two`, accepted as two more would be, take a member's place."""
+        before, settings, offered = self.best, self.context.settings, []
+        rest = self.neighbours.without(before, effect)
+        if self.neighbours.affords(rest) and (two or not before.is_far):
+            offered = self.offers.pairs(rest) if two else plain(self.offers.beside(rest))
+        judged = (c for c in offered[:_TRIED] if self._judged(c, before if two else rest)[1] == "accepted")
+        gain = (new := next(judged, before)).joint - before.joint
+        if effect not in new.added and gain > settings.nats:
             told = tuple(candidacy(c, rest, self.root, settings) for c in offered[:_TOLD])
-            self.decisions.append(Decision("exchange", (effect, new.added[-1]), True, "accepted", {"odds": gain}, told))
-            self.best = new
+            effects, self.best = (effect, *new.added[-1 - two :]), new
+            self.decisions.append(Decision("exchange", effects, True, "accepted", {"odds": gain}, told))
+        return self.best is not before
