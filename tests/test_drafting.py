@@ -845,6 +845,34 @@ def test_a_rate_takes_the_place_of_times(tmp_path: Path) -> None:
     assert drafted(path, rate=100.0)["columns"]["time"] == {"rate_hz": 100.0}
 
 
+@pytest.mark.parametrize(
+    ("name", "scale", "unit", "known"),
+    [("x", 1.0, "m", False), ("x", 30.0, "1", False), ("y", 1.0, "1", False), ("theta", 1.0, "rad", True)],
+)
+def test_what_goes_along_a_line_is_in_metres(
+    tmp_path: Path, name: str, scale: float, unit: str, *, known: bool
+) -> None:
+    path = written(tmp_path, "a.csv", f"time_s,{name}", TIME, scale * SWING)
+    text = draft([path], tmp_path)
+    output = tomllib.loads(text)["columns"]["output"]
+    assert (output["unit"], "FILL IN the unit" not in text) == (unit, known)
+
+
+def test_a_body_that_slides_under_a_constant_push_is_drafted_in_metres(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "time_s,x", TIME, 0.1 * TIME + 0.03 * TIME**2)
+    found = drafted(path)
+    assert found["system"]["coordinates"] == {"x": "m"}
+    fall = -4.9 * TIME[:140] ** 2 + RNG.normal(0.0, 1e-3, 140)
+    path = written(tmp_path, "b.csv", "time_s,x", TIME[:140], fall)
+    assert drafted(path, kind="falling_body")["kind"] == "falling_body"
+
+
+def test_of_several_accelerations_the_largest_is_pointed_at(tmp_path: Path) -> None:
+    path = written(tmp_path, "a.csv", "time_s,ax,ay,az", TIME, 0.3 * SWING, SWING, 0.1 * SWING)
+    with pytest.raises(InputError, match=r"ax, ay, az could be the output; ay varies most\. Name it"):
+        draft([path], tmp_path)
+
+
 def test_what_cannot_be_told_is_asked_for(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "time_s,one,two", TIME, SWING, HELD)
     with pytest.raises(InputError, match=r"one, two could be the output\. Name it with --output"):

@@ -13,15 +13,15 @@ import numpy as np
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.force_view import is_seen_as_force, other_way, view
+from discovery.drafting.guessed_units import angle_unit, said_of
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
 from discovery.drafting.law_of_motion import LOOKS, centre_of, is_one_line, is_relative
-from discovery.drafting.names import words_of
 from discovery.drafting.record_lines import DIFFERS, begins_at_rest, quoted_text, record_lines, trial_rows, unused_words
-from discovery.drafting.signals import TURNING, Signal, Signals, angle_unit, find_signals, open_table
+from discovery.drafting.signals import Signal, Signals, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
 from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
-from discovery.foundation.sampling import mean_rate, median_step
+from discovery.foundation.sampling import mean_rate
 from discovery.recordings.file_signals import ARM_STEMS
 from discovery.rigs.kinds import KINDS
 
@@ -258,16 +258,8 @@ def _column(role: str, signal: Signal, more: str = "") -> str:
 
 
 def _guessed(signal: Signal) -> str:
-    """Say that a unit is a guess, and for one that nobody can know, what then holds."""
-    if not signal.guessed:
-        return ""
-    if signal.unit in ("s", "ms") and median_step(signal.values) == 1.0:
-        return "FILL IN the unit, s or ms, which neither name nor numbers tell; "
-    if signal.unit in ("m/s", "rad/s") and not TURNING.intersection(words_of(signal.name)):
-        return "FILL IN the unit, m/s or rad/s, which neither name nor numbers tell; "
-    if signal.unit == "deg" and np.array_equal(signal.values, np.round(signal.values), equal_nan=True):
-        return "FILL IN the unit: of an encoder's counts it is rev, scale = 1 over those of a turn; "
-    return "FILL IN the unit, which the name does not state; " if signal.unit == "1" else "unit guessed; "
+    """Say that a unit is a guess."""
+    return said_of(signal.name, signal.unit, signal.values) if signal.guessed else ""
 
 
 def _range(signal: Signal) -> str:

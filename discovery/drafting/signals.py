@@ -11,11 +11,11 @@ import numpy as np
 
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.columns import numbers_of
-from discovery.drafting.names import Meaning, meaning_of, words_of
+from discovery.drafting.guessed_units import guessed_unit
+from discovery.drafting.names import Meaning, meaning_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
-from discovery.foundation.sampling import median_step
 from discovery.foundation.text_table import unnamed_columns
 from discovery.recordings.reading_noise import estimate_noise, white_noise
 from discovery.recordings.renewals import Renewals, renewals
@@ -31,13 +31,6 @@ _NEEDED, _FEWEST = {"time", "output"}, 3
 _NO_PLACES = {"height", "speed", "acceleration"}
 #: Of its noise, the least that a motion is.
 _MOVING = 5.0
-_FEW = 1000  # readings: fewer, a thousand a second, would be of less than a second
-#: Words for an angle, and for what turns, beside a velocity.
-_ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
-#: Words of what turns: its speed is that of an angle.
-TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
-#: Where an angle in degrees has no unit: more than two turns in radians.
-_TURNS = 4.0 * np.pi
 
 
 @dataclass(frozen=True)
@@ -261,36 +254,18 @@ def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, 
     for role in ("speed", "acceleration", ""):
         found = [name for name in names if meanings[name].role == role]
         if len(found) > 1:
+            most = f"; {max(found, key=lambda n: np.nanstd(names[n]))} varies most" if role else ""
             raise InputError(
-                f"{path}: any of the columns {', '.join(found)[:300]} could be the output. Name it with --output, and "
-                "what drives the system, if one of them does, with --input."
+                f"{path}: any of the columns {', '.join(found)[:300]} could be the output{most}. Name it with "
+                "--output, and what drives the system, if one of them does, with --input."
             )
         if found:
             return found[0]
     return None
 
 
-def angle_unit(values: FloatArray) -> str:
-    """Return the unit of an angle where nothing but its size tells it."""
-    return "deg" if float(np.nanmax(np.abs(values))) > _TURNS else "rad"
-
-
 def _signal(name: str, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], role: str) -> Signal:
     values, unit = columns[name], meanings[name].unit
     if unit is not None and (role == "time") == (si_symbol(unit) == "s"):
         return Signal(name, unit, False, values)
-    if role == "time":
-        step = median_step(values)
-        # Hardly a motion is read once a second: whole numbers count milliseconds or microseconds, unless they are few.
-        seconds = step < 1.0 or (step == 1.0 and values.size < _FEW)
-        unit = "s" if seconds else "ms" if step < 500.0 else "us"
-    elif role == "output" and _ANGLES.intersection(words_of(name)):
-        unit = angle_unit(values)
-    elif role == "output" and meanings[name].role == "height":
-        unit = "m"
-    elif role == "output" and meanings[name].role == "speed":
-        slides = "vel" in name.lower() and not TURNING.intersection(words_of(name))
-        unit = "m/s" if slides else "rad/s"
-    else:
-        unit = "V" if "volt" in name.lower() else "1"
-    return Signal(name, unit, True, values)
+    return Signal(name, guessed_unit(name, meanings[name], role, values), True, values)

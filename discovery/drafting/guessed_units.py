@@ -1,0 +1,64 @@
+"""The unit of a signal whose name does not state it, guessed from words and numbers, and what is said of a guess."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from discovery.drafting.names import Meaning, words_of
+from discovery.foundation.arrays import FloatArray
+from discovery.foundation.sampling import median_step
+
+_FEW = 1000  # readings: fewer, a thousand a second, would be of less than a second
+#: Words for an angle, and for what turns, beside a velocity.
+_ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
+#: Words of what turns: its speed is that of an angle.
+_TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
+#: Words of what goes along a line, and how far in metres, at most: a picture or a ruler counts more of its units.
+_ALONG, _METRES = {"x", "z", "weg", "distance", "stroke", "elongation"}, 10.0
+#: Where an angle in degrees has no unit: more than two turns in radians.
+_TURNS = 4.0 * np.pi
+
+
+def angle_unit(values: FloatArray) -> str:
+    """Return the unit of an angle where nothing but its size tells it."""
+    return "deg" if float(np.nanmax(np.abs(values))) > _TURNS else "rad"
+
+
+def guessed_unit(name: str, meaning: Meaning, role: str, values: FloatArray) -> str:
+    """Return the unit of a column of which the name states none, "1" where nothing tells it.
+
+    `role`: ``"time"``, ``"input"`` or ``"output"``. `values` (n,): its numbers; NaN are gaps.
+
+    Examples
+    --------
+    >>> [guessed_unit(n, Meaning("motion", None), "output", np.array([0.0, 0.4])) for n in ("theta", "x", "reading")]
+    ['rad', 'm', '1']
+    """
+    words = words_of(name)
+    if role == "time":
+        step = median_step(values)
+        # Hardly a motion is read once a second: whole numbers count milliseconds or microseconds, unless they are few.
+        seconds = step < 1.0 or (step == 1.0 and values.size < _FEW)
+        return "s" if seconds else "ms" if step < 500.0 else "us"
+    if role == "output" and _ANGLES.intersection(words):
+        return angle_unit(values)
+    if role == "output" and meaning.role == "speed":
+        slides = "vel" in name.lower() and not _TURNING.intersection(words)
+        return "m/s" if slides else "rad/s"
+    along = _ALONG.intersection(words) and float(np.nanmax(np.abs(values))) <= _METRES
+    if role == "output" and (meaning.role == "height" or (meaning.role == "motion" and along)):
+        return "m"
+    return "V" if "volt" in name.lower() else "1"
+
+
+def said_of(name: str, unit: str, values: FloatArray) -> str:
+    """Return the words for a guessed unit, and for one that nobody can know, what then holds."""
+    words = words_of(name)
+    if unit in ("s", "ms") and median_step(values) == 1.0:
+        return "FILL IN the unit, s or ms, which neither name nor numbers tell; "
+    if unit in ("m/s", "rad/s") and not _TURNING.intersection(words):
+        return "FILL IN the unit, m/s or rad/s, which neither name nor numbers tell; "
+    if unit == "deg" and np.array_equal(values, np.round(values), equal_nan=True):
+        return "FILL IN the unit: of an encoder's counts it is rev, scale = 1 over those of a turn; "
+    unknown = unit == "1" or (unit == "m" and _ALONG.intersection(words))
+    return "FILL IN the unit, which the name does not state; " if unknown else "unit guessed; "
