@@ -54,6 +54,11 @@ def test_it_is_sought_at_an_angle_that_nothing_ties() -> None:
         assert "cogging" in candidates(tied, declared=("viscous_damping",))
 
 
+def test_what_repeats_once_a_turn_is_left_to_gravity() -> None:
+    (periods,) = (p for p in get_effect("cogging").parameters() if p.shape)
+    assert 1 < periods.bounds[0] < 2 == min(periods.starts)
+
+
 def test_it_imitates_springs_within_few_of_its_periods() -> None:
     effect, at_place = get_effect("cogging"), get_effect("cogging_at_shaft")
     for reach, alike in ((1.0, False), (0.5, True)):

@@ -113,7 +113,12 @@ effects = {effects}
 
 @pytest.mark.parametrize(
     ("kind", "effects", "apart"),
-    [("drive", ["viscous_damping"], True), ("oscillator", ["viscous_damping", "linear_stiffness"], False)],
+    [
+        ("drive", ["viscous_damping"], True),
+        ("drive", ["viscous_damping", "negative_stiffness"], True),
+        ("drive", ["viscous_damping", "cubic_stiffness"], False),
+        ("oscillator", ["viscous_damping", "linear_stiffness"], False),
+    ],
 )
 def test_what_nothing_pulls_back_is_judged_from_a_start_of_its_own(tmp_path, kind, effects, apart) -> None:
     u = np.sin(3.0 * TIME) + np.cos(1.3 * TIME)

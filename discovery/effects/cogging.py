@@ -18,9 +18,10 @@ class Cogging(Potential):
     .. math:: V = -\frac{n_a \sin N_c\, q - n_b \cos N_c\, q}{N_c}
 
     The torque is :math:`n_a \cos N_c q + n_b \sin N_c q`; N_c counts its periods in one turn: for a motor the least
-    common multiple of its poles and slots. It is offered where nothing ties an angle. Within few of its periods it
-    imitates springs; of one that goes by in less than two readings, these could tell anything. The angle is counted
-    from where a recording begins if its speed is read: let recordings of a speed begin at one angle, or give one alone.
+    common multiple of its slots and of its poles, of which there are at least two; what repeats once a turn is gravity
+    on a mass off the axis. It is offered where nothing ties an angle. Within few of its periods it imitates springs; of
+    one that goes by in less than two readings, these could tell anything. The angle is counted from where a recording
+    begins if its speed is read: let recordings of a speed begin at one angle, or give one alone.
     """
 
     systems = frozenset({OSCILLATOR})
@@ -35,8 +36,8 @@ class Cogging(Potential):
         "s^-2 q", "sine amplitude of the cogging", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.01,), latex="n_b"
     )
     N_c = Parameter(
-        "1", "periods in one turn", (0.5, 500.0), LogNormal(24.0, 1.0), default=24.0, shape=True, latex="N_c",
-        starts=tuple(np.arange(1.0, 97.0)),
+        "1", "periods in one turn", (1.5, 500.0), LogNormal(24.0, 1.0), default=24.0, shape=True, latex="N_c",
+        starts=tuple(np.arange(2.0, 97.0)),
     )  # fmt: skip
 
     @classmethod

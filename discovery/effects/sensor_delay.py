@@ -16,7 +16,7 @@ class SensorDelay(Sensor):
     """
 
     cite = "Ljung, System Identification (1999), section 4.2"
-    tau = Parameter("s", "delay", (-1.0, 1.0), Student(0.05), starts=(0.01, -0.01), latex=r"\tau")
+    tau = Parameter("s", "delay", (-1.0, 3.0), Student(0.05), starts=(0.01, -0.01), latex=r"\tau")
 
     def lateness(self):
         """Return the delay [s]."""

@@ -203,7 +203,7 @@ class Base(ABC):
 
     def drifts(self, effects: Iterable[Effect]) -> bool:
         """Return whether that is so with these effects, too."""
-        return self.adrift and not any(effect.kind == "potential" for effect in effects)
+        return self.adrift and not any(effect.kind == "potential" and effect.anchored for effect in effects)
 
     def idle(self, q: NDArray, rate: NDArray, values: Mapping[str, float]) -> NDArray:
         """Return the input at which nothing pushes the body, in these states."""
