@@ -14,7 +14,7 @@ _ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
 #: Words of what turns: its speed is that of an angle.
 _TURNING = _ANGLES | {"angular", "ang", "rotational", "rot", "omega", "gyro"}
 #: Words of what goes along a line, and how far in metres, at most: a picture or a ruler counts more of its units.
-_ALONG, _METRES = {"x", "z", "weg", "distance", "stroke", "elongation"}, 10.0
+_ALONG, _METRES = {"x", "z", "weg", "distance", "dist", "stroke", "elongation"}, 10.0
 #: Where an angle in degrees has no unit: more than two turns in radians.
 _TURNS = 4.0 * np.pi
 
@@ -46,7 +46,7 @@ def guessed_unit(name: str, meaning: Meaning, role: str, values: FloatArray) -> 
         slides = "vel" in name.lower() and not _TURNING.intersection(words)
         return "m/s" if slides else "rad/s"
     along = _ALONG.intersection(words) and float(np.nanmax(np.abs(values))) <= _METRES
-    if role == "output" and (meaning.role == "height" or (meaning.role == "motion" and along)):
+    if role == "output" and (meaning.role == "height" or (meaning.role in ("motion", "") and along)):
         return "m"
     return "V" if "volt" in name.lower() else "1"
 

@@ -34,10 +34,9 @@ class Neighbours:
         self.unapproximated: Callable[[Contender], Contender] = cache(self._unapproximated)
 
     def affords(self, node: Contender) -> bool:
-        """Return whether the catalogue may be tried beside a set: not if that blows up, or costs far more."""
+        """Return whether the catalogue may be tried beside a set: not where that costs far more than at the start."""
         work = self.work(node)
-        cheap = work["offers"] < work["most_offers"] and work["cost"] <= work["most_cost"]
-        return self.offers.has(node) or (cheap and bool(np.isfinite(node.joint)))
+        return self.offers.has(node) or (work["offers"] < work["most_offers"] and work["cost"] <= work["most_cost"])
 
     def work(self, node: Contender) -> dict[str, float]:
         """Return a set's members, the sets extended so far, its simulations' cost in those of the start, and limits."""
