@@ -847,7 +847,13 @@ def test_a_rate_takes_the_place_of_times(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "scale", "unit", "known"),
-    [("x", 1.0, "m", False), ("x", 30.0, "1", False), ("y", 1.0, "1", False), ("theta", 1.0, "rad", True)],
+    [
+        ("x", 1.0, "m", False),
+        ("stroke", 1.0, "m", False),
+        ("x", 30.0, "1", False),
+        ("y", 1.0, "1", False),
+        ("theta", 1.0, "rad", True),
+    ],
 )
 def test_what_goes_along_a_line_is_in_metres(
     tmp_path: Path, name: str, scale: float, unit: str, *, known: bool

@@ -16,6 +16,7 @@ class SensorDelay(Sensor):
     """
 
     cite = "Ljung, System Identification (1999), section 4.2"
+    # In natural times: late by half a swing at most; early only by an offset of the clocks.
     tau = Parameter("s", "delay", (-1.0, 3.0), Student(0.05), starts=(0.01, -0.01), latex=r"\tau")
 
     def lateness(self):

@@ -238,12 +238,11 @@ class Search:
 
     def _leading(self, offered: Sequence[Contender], *, ahead: bool = False) -> list[Contender]:
         """Return what is refused beside nothing and gains most in training; `ahead`, some score held out, too."""
-        settings = self.context.settings
-        better = [c for c in offered if not self.best.added and c.chi2 < self.best.chi2]
-        odds = {c: odds_of(c, self.best, self.root, settings) for c in better}
-        kept = [c for c, o in odds.items() if not ahead or max(o.held, o.ahead) > 0]
-        most = (c for c in kept if odds[c].train > _WORTH * settings.nats and self.neighbours.affords(c))
-        return sorted(most, key=lambda c: -odds[c].train)[: settings.budget.beam]
+        settings, alone = self.context.settings, () if self.best.added else offered
+        odds = {c: odds_of(c, self.best, self.root, settings) for c in alone if c.chi2 < self.best.chi2}
+        found = (c for c, o in odds.items() if o.train > _WORTH * settings.nats and self.neighbours.affords(c))
+        kept = [c for c in found if not ahead or max(odds[c].held, odds[c].ahead) > 0]
+        return sorted(kept, key=lambda c: -odds[c].train)[: settings.budget.beam]
 
     def _take(self, offered: Sequence[Contender]) -> bool:
         """Make the most likely set that is accepted, fitted to its end, the best one."""
@@ -295,6 +294,7 @@ class Search:
         gain = (new := next(judged, before)).joint - before.joint
         if effect not in new.added and gain > settings.nats:
             told = tuple(candidacy(c, rest, self.root, settings) for c in offered[:_TOLD])
-            effects, self.best = (effect, *new.added[-1 - two :]), new
+            effects = (effect, *new.added[-1 - two :])
             self.decisions.append(Decision("exchange", effects, True, "accepted", {"odds": gain}, told))
+            self.best = new
         return self.best is not before
