@@ -31,6 +31,16 @@ def test_innovations_have_the_dense_quadratic_form_and_determinant(gaps, size, m
     assert logarithms == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-9, abs=1e-9)
 
 
+def test_gains_that_have_settled_do_so_anew_behind_a_gap_and_at_another_rate() -> None:
+    apart = np.r_[np.full(300, 0.1), 2.0, np.full(100, 0.1), np.full(200, 0.25), np.full(100, 0.1)]
+    time, error = 7.0 + np.cumsum(apart), ModelError(4.0, 0.3)
+    columns = np.random.default_rng(3).normal(size=(time.size, 2))
+    white, logarithms = innovations(time, columns, error)
+    dense = covariance(time, error)
+    assert white.T @ white == pytest.approx(columns.T @ np.linalg.solve(dense, columns), rel=1e-10)
+    assert logarithms == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-11)
+
+
 def test_no_model_error_leaves_columns_as_they_are() -> None:
     columns = np.random.default_rng(1).normal(size=(50, 2))
     gram, logarithms = Channel(np.arange(50.0), columns).gram(ModelError(0.0, 1.0))

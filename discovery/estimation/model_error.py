@@ -18,6 +18,8 @@ from discovery.foundation.compiled_function import compiled
 
 #: Memory of a model error over the natural time: a slower one takes the motion itself for an error.
 _MEMORY = 1 / 9
+#: Relative differences: of times between readings that are the same but for round-off, of gains that have settled.
+_ROUND_OFF, _SETTLED = 1e-9, 1e-14
 
 
 @dataclass(frozen=True)
@@ -39,32 +41,39 @@ def _filtered(time, present, columns, power, rate, out):
     mean, slope = np.zeros(k), np.zeros(k)
     # Variance of the process, of its slope over the rate, and their covariance.
     own, both, steep = power, 0.0, power
-    logarithms, last = 0.0, -1
+    f, g, h = 1.0, 0.0, 1.0
+    gain, turn, scale, logarithm = 0.0, 0.0, 0.0, 0.0
+    logarithms, last, apart, settled = 0.0, -1, -1.0, False
     for i in range(n):
         if not present[i]:
             out[i] = 0.0
             continue
-        f, g, h = 1.0, 0.0, 1.0
         if last >= 0:
-            apart = (time[i] - time[last]) * rate
-            decay = np.exp(-apart)
-            f, g, h = decay * (1.0 + apart), decay * apart, decay * (1.0 - apart)
+            away = (time[i] - time[last]) * rate
+            # Times of a regular sampling differ by their round-off.
+            if not abs(away - apart) <= _ROUND_OFF * away:
+                apart, settled = away, False
+                decay = np.exp(-apart)
+                f, g, h = decay * (1.0 + apart), decay * apart, decay * (1.0 - apart)
+        # Under a regular sampling the gains settle soon.
+        if not settled:
             # What the stationary process keeps of its variance, less what the readings took from it.
             x, y, z = own - power, both, steep - power
             own = power + f * f * x + 2.0 * f * g * y + g * g * z
             both = -f * g * x + (f * h - g * g) * y + g * h * z
             steep = power + g * g * x - 2.0 * g * h * y + h * h * z
-        total = own + 1.0
-        gain, turn, scale = own / total, both / total, 1.0 / np.sqrt(total)
+            total, before_gain, before_turn = own + 1.0, gain, turn
+            gain, turn, scale, logarithm = own / total, both / total, 1.0 / np.sqrt(total), np.log(total)
+            settled = abs(gain - before_gain) <= _SETTLED * gain and abs(turn - before_turn) <= _SETTLED * abs(turn)
+            steep -= turn * both
+            own, both = gain, turn
         for j in range(k):
             before = f * mean[j] + g * slope[j]
             off = columns[i, j] - before
             out[i, j] = off * scale
             slope[j] = -g * mean[j] + h * slope[j] + turn * off
             mean[j] = before + gain * off
-        steep -= turn * both
-        own, both = gain, turn
-        logarithms += np.log(total)
+        logarithms += logarithm
         last = i
     return logarithms
 

@@ -47,10 +47,11 @@ def in_threads(work: Callable[[Iterator[int]], None], blocks: int, *, threads: i
     helpers = [_helpers(threads - 1).submit(work, waiting) for _ in range(others)]
     try:
         work(waiting)
-    except KeyboardInterrupt:
-        # The others end with what they are at, and nobody waits for that.
+    except BaseException as failure:
+        # The others end with what they are at; after an interruption nobody waits for that.
         deque(waiting, maxlen=0)
-        helpers.clear()
+        if isinstance(failure, KeyboardInterrupt):
+            helpers.clear()
         raise
     finally:
         # A helper that has not begun yet is not needed any more.
@@ -79,27 +80,20 @@ def at_once(calls: Sequence[Callable[[], T]], *, threads: int) -> list[T]:
     What simulates few blocks at a time leaves threads idle. Calls made within such a call follow each other. Each is
     pure, so that the outcome does not depend on which is first; at most so many threads work, this one included.
     """
-    threads = 1 if getattr(_this_thread, "is_beside", False) else min(threads, len(calls))
-
-    def beside(call: Callable[[], T]) -> T:
-        _this_thread.is_beside = True
-        try:
-            return call()
-        finally:
-            _this_thread.is_beside = False
-
+    threads = 1 if getattr(_this_thread, "is_beside", False) else threads
     # Limits that overlap in time would not be undone in their order, so one encloses all.
     with single_algebra():
         if threads < 2:
             return [call() for call in calls]
-        pool, waits = ThreadPoolExecutor(threads - 1), True
-        try:
-            others = [pool.submit(beside, call) for call in calls[1:]]
-            first = beside(calls[0])
-            return [first, *(other.result() for other in others)]
-        except KeyboardInterrupt:
-            # What compiles or simulates beside cannot be stopped.
-            waits = False
-            raise
-        finally:
-            pool.shutdown(wait=waits, cancel_futures=True)
+        found: dict[int, T] = {}
+
+        def work(waiting: Iterator[int]) -> None:
+            for i in waiting:
+                _this_thread.is_beside = True
+                try:
+                    found[i] = calls[i]()
+                finally:
+                    _this_thread.is_beside = False
+
+        in_threads(work, len(calls), threads=threads)
+        return [found[i] for i in range(len(calls))]
