@@ -84,6 +84,16 @@ class Signals:
         """The signal that is the input."""
         return "motor_angle" if "motor_angle" in self.names else "input"
 
+    def keep(self, rows: IntArray) -> None:
+        """Leave out all rows but some, and know which of those that were taken they are."""
+        taken = np.arange(self.time.size + 1) if self.rows is None else self.rows
+        self.rows = np.append(taken[rows], taken[-1])
+        self.table = self.table.take(list(self.table.columns), rows)
+        self.time = self.time[rows]
+        self.inputs = None if self.inputs is None else self.inputs[rows]
+        self.added = None if self.added is None else self.added[rows]
+        self.outputs = {channel: values[rows] for channel, values in self.outputs.items()}
+
     def at(self, *signals: str, row: int | None = None) -> str:
         """Name the file, the columns of some signals, and a row of them, for the beginning of a message."""
         columns = [repr(self.names.get(signal, signal)) for signal in signals]

@@ -21,6 +21,7 @@ from discovery.recordings.plausibility import check_arm, check_signals
 from discovery.recordings.reading_flags import bend_flags, swing_flags, time_flags
 from discovery.recordings.reading_noise import BandNoise
 from discovery.recordings.renewals import on_sensors_clock
+from discovery.recordings.repeated_rows import without_repeats
 from discovery.recordings.rounding import are_marks, quantum
 from discovery.recordings.time_stamps import on_its_clock, scatter
 from discovery.recordings.turns import join_turns
@@ -240,7 +241,7 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     """
     guessed = found.table.guessed
     flags = [Flag("encoding_guessed", numbers={"encoding": guessed})] if guessed else []
-    odd = [*on_its_clock(rig, found), *join_turns(rig, found)]
+    odd = [*_clocked(rig, found), *join_turns(rig, found)]
     inputs, outputs = found.inputs, found.outputs
     check_signals(found, rig.traits.fewest, _may_rest(rig))
     if rig.traits.has_rod:
@@ -254,6 +255,13 @@ def _checked(rig: Rig, found: Signals) -> list[Flag]:
     odd += [] if rig.view else on_sensors_clock(found)
     marks = any(are_marks(found.time, values) for values in found.outputs.values())
     return [*flags, *time_flags(found.time, rig.columns.time, marks=marks), *odd]
+
+
+def _clocked(rig: Rig, found: Signals) -> list[Flag]:
+    """Take times of steady clocks, and rows that stand twice once, and tell it: of rounded stamps many repeat."""
+    if (clock := on_its_clock(rig, found)) or not (twice := without_repeats(found)):
+        return clock
+    return [*twice, *on_its_clock(rig, found)]
 
 
 def _own_period(rig: Rig) -> float | None:

@@ -159,10 +159,8 @@ def on_sensors_clock(found: Signals) -> list[Flag]:
         numbers = {"share": renewed.share, "rate": renewed.rate, "polled": 1.0 / step, "step": step, "moved": moved}
         flags.append(Flag(REPEATED, found.names[channel], found.units[channel], numbers))
         if moved and renewed.time is not None:
-            rows = np.flatnonzero(renewed.fresh)
-            found.rows = np.append(rows, values.size)
-            found.time, found.outputs = renewed.time - renewed.time[0] + found.time[0], {channel: values[rows]}
-            found.table = found.table.take(list(found.table.columns), rows)
+            found.keep(np.flatnonzero(renewed.fresh))
+            found.time = renewed.time - renewed.time[0] + found.time[0]
         else:
             found.outputs[channel] = np.where(renewed.fresh, values, np.nan)
     return flags
