@@ -24,8 +24,8 @@ FAST = {"contract", "reassoc", "nsz", "arcp"}
 #: For what other compiled functions call, so without what others would need.
 _INLINED: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 #: In a step nothing is allocated; counting who refers to an array would take an atomic instruction a lane.
-UNCOUNTED: dict[str, Any] = {"fastmath": FAST, "error_model": "numpy", "_nrt": False}
-inner = njit(**UNCOUNTED, **_INLINED)
+_UNCOUNTED: dict[str, Any] = {"_nrt": False}
+inner = njit(fastmath=FAST, error_model="numpy", **_INLINED, **_UNCOUNTED)
 
 
 @njit(**_INLINED)
