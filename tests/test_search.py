@@ -135,6 +135,20 @@ def test_each_named_effect_has_odds_and_a_probability() -> None:
         assert all(search.best.joint - joint < search.context.settings.nats for joint in rivals)
 
 
+def test_a_set_that_contains_a_rival_is_no_rival_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+    effect = search.best.added[-1]
+    smaller = search.neighbours.without(search.best, effect)
+    alike = dataclasses.replace(search.best, added=(*smaller.added, "stribeck_friction"))
+    both = dataclasses.replace(search.best, added=(*alike.added, "table_tilt"))
+    apart = dataclasses.replace(search.best, added=(*smaller.added, "quadratic_drag", "table_tilt"))
+    monkeypatch.setattr(search.neighbours, "instead_of", lambda found, effect: [alike, both, apart])
+    found = next(n for n in named(search) if n.effect == effect)
+    assert found.rivals == (alike, apart)
+    assert found.group == ("stribeck_friction", "table_tilt")
+    assert found.group_probability == pytest.approx(1.0, abs=1e-6)
+
+
 def test_every_decision_says_what_it_compared() -> None:
     search = searched(beta=1.0, f_c=0.02)
     accepted = [d for d in search.decisions if d.action == "add" and d.accepted]

@@ -94,9 +94,11 @@ def named(search: Search) -> list[Named]:
                 behind[rival] = between_rivals(search.best, rival, settings)
         weights = {c: float(np.exp(-max(behind[c], 0.0))) for c in others}
         total = 1.0 + float(np.exp(-max(odds.total, 0.0))) + sum(weights.values())
-        group = [c for c in others if behind[c] < settings.nats]
+        serve = [c for c in others if behind[c] < settings.nats]
+        # One that contains another of them is no rival of its own.
+        group = [c for c in serve if not any({*less.added} < {*c.added} for less in serve)]
         names = tuple([e for e in c.added if e not in smaller.added][-1] for c in group)
-        shared = 1.0 + sum(weights[c] for c in group)
+        shared = 1.0 + sum(weights[c] for c in serve)
         force, doubtful = {}, False
         if search.unknown is not None and effect in search.unknown.kept:
             kept, instead = search.unknown.kept[effect], search.unknown.instead[effect]
