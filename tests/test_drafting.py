@@ -172,6 +172,15 @@ def test_a_unit_that_no_name_states_is_asked_for(tmp_path: Path, capsys: pytest.
     assert drafted(path, kind="pendulum")["columns"]["output"]["unit"] == "rad"
 
 
+def test_a_speed_at_rounded_times_that_repeat_is_drafted(tmp_path: Path) -> None:
+    time = 11.0 + np.arange(400) / 40.0
+    speed = 0.6 * np.exp(-0.05 * time) * np.cos(4.3 * time)
+    path = written(tmp_path, "phone.csv", "Time (s);Gyroscope x (rad/s)", np.round(time, 1), speed, separator=";")
+    rig = drafted(path)
+    assert rig["columns"]["time"]["name"] == "Time (s)"
+    assert rig["system"]["output"] == "dot(angle)"
+
+
 @pytest.mark.parametrize(("name", "unit"), [("angular_velocity", "rad/s"), ("gyroVel", "rad/s"), ("velocity", "m/s")])
 def test_a_velocity_of_what_turns_is_in_radians(tmp_path: Path, name: str, unit: str) -> None:
     document = drafted(written(tmp_path, "a.csv", f"time,{name}", TIME, SWING))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from discovery.recordings.dataset import load_dataset
 from discovery.recordings.recording import read_recording
 from discovery.recordings.time_stamps import steady_clock
 from discovery.rigs.rig_file import read_rig
@@ -45,6 +46,21 @@ def test_stamps_that_repeat_since_they_are_rounded_so_far_are_told_apart(tmp_pat
         'name = "film"\nkind = "oscillator"\n[columns]\ntime = { name = "t" }\noutput = { name = "q", unit = "m" }'
     )
     assert np.abs(read_recording(data, read_rig(rig)).time - film).max() < 2e-3
+
+
+@pytest.mark.parametrize("start", [0.07, 511.87], ids=["near", "far"])
+def test_stamps_most_of_which_repeat_are_told_apart(tmp_path: Path, start: float) -> None:
+    time = start + np.arange(400) / 49.9  # five readings to a stamp
+    readings, data, rig = swing(time), tmp_path / "phone.csv", tmp_path / "rig.toml"
+    assert np.median(np.diff(np.round(time, 1))) == 0.0
+    np.savetxt(data, np.column_stack([time, readings]), ["%.1f", "%.6f"], ",", header="t,q", comments="")
+    rig.write_text(
+        'name = "phone"\nkind = "oscillator"\n[columns]\ntime = { name = "t" }\noutput = { name = "q", unit = "m" }\n'
+        '[records]\ntrain = [{ file = "phone.csv" }]'
+    )
+    recording = load_dataset(rig).train[0].recording  # which counts times from where they begin, if that is far
+    assert "times_rounded" in [flag.code for flag in recording.flags]
+    assert np.ptp(recording.time - time) < 0.02
 
 
 def test_rows_that_stand_twice_are_no_rounding() -> None:

@@ -74,9 +74,8 @@ def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -
     1.0
     """
     good = telling_part(output)
-    if good.size < 50:
+    if good.size < 50 or (step := median_step(time[good])) <= 0.0:
         return None
-    step = median_step(time[good])
     grid = np.arange(time[good[0]], time[good[-1]] + 0.5 * step, step)
     y = np.interp(grid, time[good], output[good] - np.mean(output[good]))
     side = y > np.median(y)

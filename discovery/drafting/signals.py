@@ -21,10 +21,13 @@ from discovery.recordings.reading_noise import estimate_noise, white_noise
 from discovery.recordings.renewals import Renewals, renewals
 from discovery.recordings.rounding import quantum, resolution
 from discovery.recordings.running_on import runs_on
+from discovery.recordings.time_stamps import steady_clock
 from discovery.recordings.turns import joined_turns
 
 #: Of a step, by which sampled times may differ.
 _JITTER = 0.05
+#: Share of rows in which what is called a time rises at least; rounded coarsely, most may repeat.
+_RISES = 0.05
 #: Roles without which other columns are looked at, and the fewest rows that tell anything.
 _NEEDED, _FEWEST = {"time", "output"}, 3
 #: Outputs that say nothing of a drive where they go one way: what falls is driven by its weight.
@@ -70,10 +73,14 @@ class Signals:
     still: tuple[str, ...]
     differ: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def seconds(self) -> FloatArray:
-        """The times [s] of the readings (n,)."""
-        return np.arange(self.output.values.size) / (self.rate or 1.0) if self.time is None else self.time.si
+        """The times [s] of the readings (n,), those of a steady clock where rounded stamps repeat."""
+        if self.time is None:
+            return np.arange(self.output.values.size) / (self.rate or 1.0)
+        repeats = bool((np.diff(self.time.values) == 0.0).any())
+        clock = steady_clock(self.time.values, [self.output.values]) if repeats else None
+        return self.time.si if clock is None else clock.time * si_factor(self.time.unit)
 
     @cached_property
     def renewed(self) -> Renewals | None:
@@ -210,7 +217,8 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
     if named is not None:
         return named
     for name, values in columns.items():
-        if meanings[name].role == "time" and (np.diff(values) > 0).mean() > 0.5:
+        steps = np.sign(np.diff(values))
+        if meanings[name].role == "time" and (steps > 0).mean() > max((steps < 0).mean(), _RISES):
             return name
     perhaps = {name: columns[name] for name, told in meanings.items() if told.role == "" or told.lasts}
     for name, values in perhaps.items():

@@ -129,12 +129,13 @@ def on_its_clock(rig: Rig, found: Signals) -> list[Flag]:
     """
     if rig.columns.time.jitter is not None or "time" not in found.names:
         return []
-    second = si_factor(found.units["time"])
+    # As the file has them, for their decimals.
+    second, zero = si_factor(found.units["time"]), rig.columns.time.zero
     channels = [*found.outputs.values()] + ([] if found.inputs is None else [found.inputs])
-    clock = steady_clock(found.time / second, channels)
+    clock = steady_clock((found.time + zero) / second, channels)
     if clock is None:
         return []
-    found.time = clock.time * second
+    found.time = clock.time * second - zero
     return [Flag("times_rounded", numbers={"rounding": clock.rounding * second, "rate": 1.0 / (clock.step * second)})]
 
 
@@ -162,13 +163,14 @@ def steady_clock(stamps: FloatArray, channels: Sequence[FloatArray] = ()) -> Ste
     again = np.flatnonzero(steps == 0.0)
     if again.size and _stand_twice(again, channels):
         return None
+    typical = float(np.median(steps[steps > 0.0]))  # most may be none
     # How many steps of the clock each reading is from the first: where stamps repeat, none was lost.
-    each = np.ones_like(steps) if again.size else np.round(steps / np.median(steps))
-    most, count = 0.5 * _resolutions(stamps), np.concatenate([[0.0], np.cumsum(each)])
+    each = np.ones_like(steps) if again.size else np.round(steps / typical)
+    most, count = 0.5 * _resolutions(stamps, typical), np.concatenate([[0.0], np.cumsum(each)])
     line = np.polynomial.Polynomial.fit(count, stamps, 1, w=1.0 / most)
     off = np.abs(stamps - line(count))
     # No line lies much nearer than the one of least squares, which is cheap.
-    if (off > 2.0 * most).any() or off.max() < _SEEN * np.median(steps):
+    if (off > 2.0 * most).any() or off.max() < _SEEN * typical:
         return None
     found = _nearest(count, stamps, most)
     if found is None or (again.size and found[1] > _SHORTER * 2.0 * most[again].min()):
@@ -189,11 +191,11 @@ def _stand_twice(again: IntArray, channels: Sequence[FloatArray]) -> bool:
     return bool(2 * same.sum() > same.size)
 
 
-def _resolutions(stamps: FloatArray) -> FloatArray:
-    """Return the value of the last decimal of each stamp, where those of a size have as many."""
+def _resolutions(stamps: FloatArray, step: float) -> FloatArray:
+    """Return the value of the last decimal of each stamp, where those of a size have as many, a typical step apart."""
     decade = np.floor(np.log10(np.maximum(np.abs(stamps), 10.0**-_MOST_DECIMALS)))
     decimals = np.empty(stamps.size)
-    below, least, step = np.inf, -_MOST_DECIMALS, median_step(stamps)
+    below, least = np.inf, -_MOST_DECIMALS
     for size in np.unique(decade)[::-1]:
         here = (decade >= size) & (decade < below)
         if here.sum() < _SOME and size > decade.min():
