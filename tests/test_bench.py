@@ -172,6 +172,16 @@ def test_calls_at_once_overlap_and_answer_in_their_order() -> None:
         assert len(set(inner)) == 1
     assert len(set(at_once([name] * 3, threads=1))) == 1
 
+    # The last of them finds a helper for its blocks when the others are done.
+    meet, done = threading.Barrier(2, timeout=30), threading.Event()
+
+    def last() -> int:
+        assert done.wait(30)
+        in_threads(lambda waiting: [meet.wait() for _ in waiting], 2, threads=2)
+        return threading.get_ident()
+
+    assert at_once([lambda: done.set() or 0, last], threads=2)[0] == 0
+
     def fail() -> int:
         raise ValueError("the second")
 

@@ -27,24 +27,25 @@ def single_algebra() -> AbstractContextManager[object]:
     return _algebra().limit(limits=1, user_api="blas")
 
 
-@lru_cache(maxsize=1)
-def _helpers(threads: int) -> ThreadPoolExecutor:
-    """Return threads that wait for work beside the one that calls; a forked process makes its own."""
-    return ThreadPoolExecutor(threads)
+@lru_cache(maxsize=2)
+def _helpers(threads: int, role: str) -> ThreadPoolExecutor:
+    """Return threads that wait for work of a role beside the one that calls; a forked process makes its own."""
+    return ThreadPoolExecutor(threads, role)
 
 
 os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
-def in_threads(work: Callable[[Iterator[int]], None], blocks: int, *, threads: int) -> None:
+def in_threads(work: Callable[[Iterator[int]], None], blocks: int, *, threads: int, role: str = "blocks") -> None:
     """Do the work on all blocks in this thread and in others, at most so many together.
 
     The work is called once in each thread with an iterator over the blocks. The threads share it, so each gets what is
-    next as it finishes: blocks differ in what they cost.
+    next as it finishes: blocks differ in what they cost. Work that asks for threads itself is of another `role`: at its
+    end, when most of its own have nothing left, that finds helpers.
     """
     waiting = iter(range(blocks))
     others = min(threads - 1, blocks - 1)
-    helpers = [_helpers(threads - 1).submit(work, waiting) for _ in range(others)]
+    helpers = [_helpers(threads - 1, role).submit(work, waiting) for _ in range(others)]
     try:
         work(waiting)
     except BaseException as failure:
@@ -95,5 +96,5 @@ def at_once(calls: Sequence[Callable[[], T]], *, threads: int) -> list[T]:
                 finally:
                     _this_thread.is_beside = False
 
-        in_threads(work, len(calls), threads=threads)
+        in_threads(work, len(calls), threads=threads, role="calls")
         return [found[i] for i in range(len(calls))]
