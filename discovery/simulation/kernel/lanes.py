@@ -77,9 +77,9 @@ def _lagging(w, rows, i):
 
 
 @inner
-def _waits(w, at, next_output, n_out, reach, i):
+def _waits(w, at, due, n_out, reach, i):
     """Whether the next output of a lane is read before a time."""
-    return next_output < n_out and not w[at[TIME] + i] - w[at[AGE] + i] > reach
+    return due[i] < n_out and not w[at[TIME] + i] - w[at[AGE] + i] > reach
 
 
 @inner
@@ -203,7 +203,7 @@ def waiting(w, at, due, n_out, reach):
     """Return how many lanes have an output to read."""
     count = 0
     for i in range(due.size):
-        count += 1 if _waits(w, at, due[i], n_out, reach, i) else 0
+        count += 1 if _waits(w, at, due, n_out, reach, i) else 0
     return count
 
 
@@ -212,7 +212,7 @@ def score_late(w, at, due, reach, channel, out_time, out_drive, target, weight, 
     """Weigh and add up what lanes with an output to read miss, each at the time of its own."""
     x, lanes = at[READING], at[LANES]
     for i in range(lanes):
-        if _waits(w, at, due[i], out_time.size, reach, i):
+        if _waits(w, at, due, out_time.size, reach, i):
             if channel == 1:
                 w[x + i] = _angle(w[x + i], w[x + lanes + i], out_drive[due[i], 0])
             elif channel == 2:
