@@ -183,8 +183,19 @@ def test_wrong_units_of_a_pendulum_are_found(tmp_path, name, column):
         spoil(tmp_path, rig, lambda f: f.assign(**{column: np.degrees(f[column])}))
     with pytest.raises(InputError, match="unit of the time"):
         spoil(tmp_path, rig, lambda f: f.assign(t_s=1e3 * f["t_s"]))
-    with pytest.raises(InputError, match="Times must strictly increase"):
-        spoil(tmp_path, rig, lambda f: f.assign(t_s=f["t_s"].round(1)))
+
+
+@pytest.mark.measured
+def test_times_without_digits_are_those_of_a_steady_clock_or_refused(tmp_path):
+    def round_off(frame):
+        return frame.assign(t_s=frame["t_s"].round(1))
+
+    logger = read_rig(DATASETS / "multiarm_pendulum" / "rig_large.toml")
+    true, found = spoil(tmp_path, logger, lambda f: f), spoil(tmp_path, logger, round_off)
+    assert "a steady clock of 200 readings a second explains all" in " ".join(found.notes)
+    np.testing.assert_allclose(found.time, true.time, rtol=0.0, atol=1e-9)
+    with pytest.raises(InputError, match="Times must strictly increase"):  # frames of a film are not as steady
+        spoil(tmp_path, read_rig(DATASETS / "video_pendulum" / "rig.toml"), round_off)
 
 
 @pytest.mark.measured
