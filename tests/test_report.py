@@ -39,6 +39,7 @@ from discovery.report.estimates import posterior_table
 from discovery.report.figures import laws, motion, residual
 from discovery.report.figures.search import LOSS, draw_model_error, draw_ranking, nats_axis
 from discovery.report.mathml import block, broken, inline
+from discovery.report.model_error_words import model_error_words
 from discovery.report.noise import honest_table, noise_differs, noise_sentence
 from discovery.report.numbers import (
     MISSING,
@@ -53,7 +54,6 @@ from discovery.report.numbers import (
 from discovery.report.page import _ASKED, _every, chart_data
 from discovery.report.posterior import convergence_sentence
 from discovery.report.results import Run
-from discovery.report.sentences import model_error_words
 from discovery.report.style import decimate, new_figure
 from discovery.report.words import headline, origin, page_prose, prose, sentence
 from discovery.results.provenance import read_json, write_json

@@ -20,7 +20,7 @@ from discovery.estimation.holdout import HoldOut
 from discovery.foundation.errors import ComputationError
 from discovery.recordings.experiment import Experiment
 from discovery.report.sentences import decision_sentence
-from discovery.runs.lead import strongest_lead
+from discovery.runs.lead import leads
 from discovery.runs.loop import _searching
 from discovery.screening.refits import finish, settle
 from discovery.selection.contender import Contender, contenders
@@ -191,7 +191,7 @@ def test_what_nothing_explains_stays_unexplained_with_its_strongest_lead() -> No
     search.run()
     assert search.best.added == ()
     assert verdict_of((), (), complete=is_complete(search.best, search.root, shared)) == "unexplained"
-    lead = strongest_lead(search, {n.effect: n for n in named(search)})
+    lead, _ = leads(search, {n.effect: n for n in named(search)})
     assert lead is None or lead.code in ("training", "held_out", "size", "chance", "finite", "unknown")
 
 
@@ -200,7 +200,7 @@ def test_what_was_refused_and_is_named_since_is_no_lead(monkeypatch: pytest.Monk
     search = searched(beta=1.0, f_c=0.02)
     effects, numbers = tuple(e for e in (search.best.added[0], beside) if e), {"train": 60.0, "held": 40.0, "odds": 3.0}
     monkeypatch.setattr(search, "decisions", [Decision("add", effects, False, "chance", numbers)])
-    lead = strongest_lead(search, {n.effect: n for n in named(search)})
+    lead, _ = leads(search, {n.effect: n for n in named(search)})
     assert (lead and lead.effects) == (effects if beside else None)
 
 
@@ -212,9 +212,9 @@ def test_a_lead_is_no_rival_of_what_is_named_and_has_odds_above_even(monkeypatch
     told = [Decision("add", effects, False, "size", numbers) for effects in rivals]
     told += [Decision("add", ("sensor_delay",), False, "held_out", {**numbers, "odds": -6.0})]
     monkeypatch.setattr(search, "decisions", told)
-    assert strongest_lead(search, found) is None
+    assert leads(search, found) == (None, None)
     monkeypatch.setattr(search, "decisions", [*told, Decision("add", ("table_tilt",), False, "size", numbers)])
-    lead = strongest_lead(search, found)
+    lead, _ = leads(search, found)
     assert lead is not None
     assert lead.effects == ("table_tilt",)
 
@@ -238,11 +238,31 @@ def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatc
         ([one, added, pair := told("add", "one", "two", 1.6)], pair),
     ):
         monkeypatch.setattr(search, "decisions", decisions)
-        lead = strongest_lead(search, {n.effect: n for n in named(search)})
+        lead, _ = leads(search, {n.effect: n for n in named(search)})
         assert lead is not None
         assert lead.effects == expected.effects
     monkeypatch.setattr(search, "decisions", [added])
-    assert strongest_lead(search, {n.effect: n for n in named(search)}) is None
+    assert leads(search, {n.effect: n for n in named(search)}) == (None, None)
+
+
+def test_a_force_of_no_law_leads_with_the_law_that_explains_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched(beta=1.0, f_c=0.02)
+
+    def told(name: str, train: float, held: float, odds: float, code: str) -> Decision:
+        return Decision("add", (name,), False, code, {"train": train, "held": held, "odds": odds})
+
+    force = told("smooth_force", 90.0, 60.0, 40.0, "unknown")
+    # What loses held out has odds below even, and is no lead of its own.
+    lost, small = told("hysteresis", 70.0, -9.0, -9.0, "held_out"), told("wind", 20.0, 9.0, 2.0, "size")
+    worse, better = told("wind", 20.0, -30.0, -30.0, "held_out"), told("wind", 95.0, 9.0, 2.0, "size")
+    for laws, expected in (
+        ((small, lost), (force, lost)),
+        ((worse,), (force, None)),
+        ((), (force, None)),
+        ((better, lost), (better, None)),
+    ):
+        monkeypatch.setattr(search, "decisions", [*laws, force])
+        assert leads(search, {}) == expected
 
 
 def test_estimates_have_the_truth_within_their_intervals() -> None:

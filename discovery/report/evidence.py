@@ -6,9 +6,10 @@ from collections import Counter
 
 from markupsafe import Markup
 
+from discovery.report.model_error_words import AS_NONE, share_words
 from discovery.report.numbers import MISSING, chance, ratio, scale_for, significant, uncertain
 from discovery.report.results import Run
-from discovery.report.sentences import AS_NONE, chances, probability_words, share_words
+from discovery.report.sentences import chances, probability_words
 from discovery.report.story import blows_up, fate, searches
 from discovery.report.tables import Table, term_cell
 from discovery.report.words import effect_name, listed, prose

@@ -27,6 +27,7 @@ from discovery.report import (
     evidence,
     latent,
     measures,
+    model_error_words,
     noise,
     numbers,
     posterior,
@@ -50,7 +51,7 @@ _ASKED = {
     room.__name__.rpartition(".")[2]: room
     for room in (
         measures, evidence, noise, posterior, estimates, latent, ambiguity, references,
-        answer, equations, numbers, sentences, doubt_sentences, story, words,
+        answer, equations, numbers, sentences, doubt_sentences, model_error_words, story, words,
     )
 }  # fmt: skip
 #: Letters of the name of a figure's file.

@@ -12,6 +12,7 @@ from typing import Any
 from discovery.declarations.registry import effect_name
 from discovery.estimation.importance import LARGEST_K
 from discovery.report.doubt_sentences import failure_sentence
+from discovery.report.model_error_words import as_none, depends_words, held_words, share_words
 from discovery.report.numbers import listed, plain, sizes
 
 Record = Mapping[str, Any]
@@ -102,10 +103,18 @@ def refutations(loop: Record) -> list[str]:
 
 
 def lead_sentence(lead: Record) -> str:
-    """Return the strongest candidate that is not named, its odds, and why it is not."""
-    name, numbers = listed(map(effect_name, lead["effects"])), lead["numbers"]
-    reason = _REASONS[lead["code"]](numbers)
-    return f"the strongest lead is {name}, with {chances(numbers.get('odds'))}; it is not named: {reason}"
+    """Return the strongest candidate that is not named, its odds, and why it is not; of a force, the best law too."""
+    words = f"the strongest lead is {_named(lead)}, with {chances(lead['numbers'].get('odds'))}; it is not named: "
+    words += _REASONS[lead["code"]](lead["numbers"])
+    law = lead.get("law")
+    if not law:
+        return words
+    are = "laws that explain most are" if len(law["effects"]) > 1 else "law that explains most is"
+    return f"{words}; the {are} {_named(law)}: {_REASONS[law['code']](law['numbers'])}"
+
+
+def _named(decision: Record) -> str:
+    return listed(map(effect_name, decision["effects"]))
 
 
 def effect_sentence(effect: Record) -> str:
@@ -197,8 +206,8 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
         "from errors like those left"
     ),
     "size": lambda numbers: (
-        f"the prediction moves by {plain(numbers['size'], 2)} times the model error that is left, which may look the "
-        "same"
+        f"the prediction moves by {plain(numbers['size'], 2)} times the model error that is left, "
+        f"{'which may look the same' if numbers['size'] < 1.0 else 'as laws so free may that only imitate it'}"
     ),
     "finite": lambda _: "the motion blows up",
     "predicts_worse": lambda _: "after its last fit the set predicts worse than the declared model",
@@ -246,55 +255,3 @@ def _both(numbers: Record) -> str:
     elif (numbers["train"] >= 0) == (numbers["held"] >= 0):
         held = plain(abs(numbers["held"]))
     return f"{train} nats in training and {held} held out"
-
-
-AS_NONE = "nothing_missing", "explained"  #: Verdicts by which a model error counts as none.
-
-
-def model_error_words(loop: Record) -> str:
-    """Return the model error before and after, the part that is left, what it depends on, and what counts as none.
-
-    One that counts as none depends on nothing.
-    """
-    error = loop["model_error"]
-    (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
-    words = (after if before == after else f"{before} -> {after}") + f" {unit}".rstrip()
-    words += f", {share_words(error)} is left" if before != after and share_words(error) else ""
-    none = loop["verdict"] in AS_NONE
-    hidden = none and not _is_small(error)
-    limit = "it cannot be told from none" if hidden else f"up to {least} {unit}".strip() + " counts as none"
-    return f"{words}{held_words(error)}{'' if none else depends_words(error)}; {limit}"
-
-
-def share_words(error: Record) -> str:
-    """Return the part of the model error that is left; empty where there is nothing to compare."""
-    share, before = error["share"], error["before"]
-    if not (share and before) or not all(map(math.isfinite, (share, before))):
-        return ""
-    return f"{plain(100 * share, 2)} %"
-
-
-def as_none(error: Record) -> str:
-    """Return why a model error counts as none: how large one may be, or that it cannot be told from none."""
-    if not _is_small(error):
-        return "cannot be told from none"
-    (*_, limit), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
-    return f"counts as none (up to {limit} {unit})"
-
-
-def held_words(error: Record) -> str:
-    """Return the model error held out, where that alone is more than none."""
-    after, held, least = error["after"], error.get("held"), error["least"]
-    if after is None or held is None or not after <= least < held:
-        return ""
-    (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
-    return f", and of {size} {unit}".rstrip() + " held out"
-
-
-def depends_words(error: Record) -> str:
-    """Return what a model error depends on; empty where that is nothing."""
-    return f"; it depends on {listed(map(effect_name, error['depends_on']))}" if error["depends_on"] else ""
-
-
-def _is_small(error: Record) -> bool:
-    return error["after"] is not None and max(error["after"], error.get("held") or 0.0) <= error["least"]

@@ -9,11 +9,28 @@ from discovery.selection.search import Search
 from discovery.selection.verdict import Named
 
 
-def strongest_lead(search: Search, found: Mapping[str, Named]) -> Decision | None:
-    """Return what was refused beside the set found, or taken out of it, with the highest odds; None where none speak.
+def leads(search: Search, found: Mapping[str, Named]) -> tuple[Decision | None, Decision | None]:
+    """Return the strongest lead and, where that is a force of no law, the law that explains most; None where none does.
 
-    What serves as well as an effect that is named (`found`) is told with that. Of a pair, a member with odds that are
-    as good as those of both is told alone.
+    What serves as well as an effect that is named (`found`) is told with that.
+    """
+    left, made = _refused(search, found)
+    # A force of no law, whose size is not weighed, leads where no law explains as much.
+    gained = {i: d.numbers["train"] + min(d.numbers["held"], 0.0) for i, d in left.items() if i > made}
+    laws = [i for i in gained if left[i].code != "unknown" and gained[i] > 0]
+    law = max(laws, key=lambda i: gained[i], default=None)
+    most = 0.0 if law is None else gained[law]
+    left = {i: d for i, d in left.items() if d.code != "unknown" or i not in gained or gained[i] >= most}
+    lead = _strongest(left, made, search.context.settings.nats)
+    if law is None or lead is None or lead.code != "unknown":
+        return lead, None
+    return lead, left[law]
+
+
+def _refused(search: Search, found: Mapping[str, Named]) -> tuple[dict[int, Decision], int]:
+    """Return what was refused or taken out and no effect named stands for, by its place, and that of the last change.
+
+    What was refused before the last change was refused beside another set.
     """
     told, changes = search.decisions, ("add", "exchange", "mechanics")
     made = max((i for i, d in enumerate(told) if d.accepted and d.action in changes), default=-1)
@@ -21,15 +38,20 @@ def strongest_lead(search: Search, found: Mapping[str, Named]) -> Decision | Non
     gains = [i for i, d in enumerate(told) if d.numbers.get("train", 0) > 0 < d.numbers.get("size", 1)]
     weighed = (i for i in gains if told[i].accepted == (told[i].action == "remove"))
     rivals = {rival for own in found.values() for rival in own.group}
-    left = [i for i in weighed if (new := {*told[i].effects} - {*search.best.added}) and not new & rivals]
-    # A force of no law, whose size is not weighed, leads where no law explains as much.
-    gained = {i: told[i].numbers["train"] + min(told[i].numbers["held"], 0.0) for i in left if i > made}
-    left = [i for i in left if told[i].code != "unknown" or i not in gained or gained[i] >= max(gained.values())]
-    # What was refused before the last change was refused beside another set.
-    odds = {i: told[i].numbers["odds"] for i in left if told[i].numbers["odds"] > 0}
+    return {
+        i: told[i] for i in weighed if (new := {*told[i].effects} - {*search.best.added}) and not new & rivals
+    }, made
+
+
+def _strongest(left: Mapping[int, Decision], made: int, nats: float) -> Decision | None:
+    """Return what has the highest odds, after the last change where anything has; None where none speak.
+
+    Of a pair, a member with odds that are as good as those of both is told alone.
+    """
+    odds = {i: d.numbers["odds"] for i, d in left.items() if d.numbers["odds"] > 0}
     best = max(odds, key=lambda i: (i > made, odds[i]), default=None)
     if best is None:
         return None
-    near = [i for i in odds if (i > made) == (best > made) and odds[i] > odds[best] - search.context.settings.nats]
-    smaller = [i for i in near if {*told[i].effects} < {*told[best].effects}]
-    return told[max(smaller, key=lambda i: odds[i], default=best)]
+    near = [i for i in odds if (i > made) == (best > made) and odds[i] > odds[best] - nats]
+    smaller = [i for i in near if {*left[i].effects} < {*left[best].effects}]
+    return left[max(smaller, key=lambda i: odds[i], default=best)]

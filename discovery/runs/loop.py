@@ -29,7 +29,7 @@ from discovery.recordings.flags import impossible
 from discovery.recordings.parts import searched_part
 from discovery.recordings.rounding import resolution
 from discovery.runs.around_search import contradiction_of, in_its_units, separations, sought
-from discovery.runs.lead import strongest_lead
+from discovery.runs.lead import leads
 from discovery.runs.loop_errors import loop_errors
 from discovery.runs.loop_result import LoopResult, ModelErrorReport
 from discovery.screening.refits import Refit
@@ -253,7 +253,7 @@ def _result(
     held = {when: judge.held(f, on_train[when]) for when, f in fits.items()}
     reports = {when: examine(train, p, context.period) for when, p in on_train.items()}
     verdict = verdict_of(search.best.added, geometry, complete=complete)
-    lead = None if complete else strongest_lead(search, found)
+    lead, law = (None, None) if complete else leads(search, found)
     return LoopResult(
         verdict=verdict,
         declared=before[0].model.effects,
@@ -270,4 +270,5 @@ def _result(
         predictions={w: on_train[w] if judge.continued else [*on_train[w], *held[w]] for w in fits},
         complete=complete,
         recordings=tuple(e.recording for e in (*train, *judge.separate)),
+        lead_law=law,
     )

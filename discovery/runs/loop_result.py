@@ -120,8 +120,8 @@ class LoopResult(LoopViews):
         As in loop.json.
     model_error : ModelErrorReport
         The error that the model keeps beside the noise.
-    lead : Decision or None
-        The strongest candidate that is not named, where something is left.
+    lead, lead_law : Decision or None
+        The strongest candidate that is not named, where something is left; of a force of no law, the best law too.
     residual_before, residual_after : ResidualReport
         On the training recordings.
     predictions : mapping
@@ -166,6 +166,7 @@ class LoopResult(LoopViews):
     contradiction: ContradictionReport = field(default_factory=ContradictionReport)
     separations: tuple[Separation, ...] = ()
     recordings: tuple[Recording, ...] = ()
+    lead_law: Decision | None = None
 
     def __repr__(self) -> str:
         """Return the answer; all that led to it would fill pages."""
@@ -247,7 +248,10 @@ class LoopResult(LoopViews):
 
     def summary(self) -> dict[str, Any]:
         """Return the content of loop.json."""
-        lead = self.lead.summary() if self.lead else None
+        lead, law = (
+            d and {"effects": list(d.effects), "code": d.code, "numbers": dict(d.numbers)}
+            for d in (self.lead, self.lead_law)
+        )
         return {
             "verdict": self.verdict,
             "declared": list(self.declared),
@@ -258,7 +262,7 @@ class LoopResult(LoopViews):
             "model_error": self.model_error.summary(),
             "complete": self.complete,
             "cautions": [c.summary() for c in self.cautions],
-            **({"lead": {k: lead[k] for k in ("effects", "code", "numbers")}} if lead else {}),
+            **({"lead": {**lead, **({"law": law} if law else {})}} if lead else {}),
             "contradiction": self.contradiction.summary(),
             **({"separation": [s.summary() for s in self.separations]} if self.separations else {}),
             "model": {"before": self.before.summary(), "after": self.after.summary()},
