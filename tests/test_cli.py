@@ -211,8 +211,8 @@ def test_what_is_not_explained_is_said_with_the_strongest_lead(capsys: pytest.Ca
     force = {"effects": ["smooth_force"], "code": "unknown", "numbers": synthetic_run.odds(300.0, 90.0, 0.5)}
     say_loop(found_loop("unexplained", lead={**force, "law": lead}))
     assert (
-        "it gains 300 nats in training and 90.0 held out; the laws that explain most are table tilt and wind: "
-        "the prediction moves by 0.5 times the model error that is left, which may look the same\n"
+        "it gains 300 nats in training and 90.0 held out; the strongest law is table tilt and wind, with odds of 1.3 "
+        "to 1: the prediction moves by 0.5 times the model error that is left, which may look the same\n"
     ) in capsys.readouterr().out
 
 

@@ -252,14 +252,14 @@ def test_a_force_of_no_law_leads_with_the_law_that_explains_most(monkeypatch: py
         return Decision("add", (name,), False, code, {"train": train, "held": held, "odds": odds})
 
     force = told("smooth_force", 90.0, 60.0, 40.0, "unknown")
-    # What loses held out has odds below even, and is no lead of its own.
-    lost, small = told("hysteresis", 70.0, -9.0, -9.0, "held_out"), told("wind", 20.0, 9.0, 2.0, "size")
+    lost, small = told("hysteresis", 70.0, -9.0, 9.0, "held_out"), told("wind", 20.0, 9.0, 2.0, "size")
     worse, better = told("wind", 20.0, -30.0, -30.0, "held_out"), told("wind", 95.0, 9.0, 2.0, "size")
     for laws, expected in (
         ((small, lost), (force, lost)),
         ((worse,), (force, None)),
         ((), (force, None)),
-        ((better, lost), (better, None)),
+        ((better, lost), (lost, None)),
+        ((better,), (better, None)),
     ):
         monkeypatch.setattr(search, "decisions", [*laws, force])
         assert leads(search, {}) == expected

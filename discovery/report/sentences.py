@@ -104,17 +104,13 @@ def refutations(loop: Record) -> list[str]:
 
 def lead_sentence(lead: Record) -> str:
     """Return the strongest candidate that is not named, its odds, and why it is not; of a force, the best law too."""
-    words = f"the strongest lead is {_named(lead)}, with {chances(lead['numbers'].get('odds'))}; it is not named: "
-    words += _REASONS[lead["code"]](lead["numbers"])
-    law = lead.get("law")
-    if not law:
-        return words
-    are = "laws that explain most are" if len(law["effects"]) > 1 else "law that explains most is"
-    return f"{words}; the {are} {_named(law)}: {_REASONS[law['code']](law['numbers'])}"
+    words = f"the strongest lead is {_refused(lead, '; it is not named')}"
+    return f"{words}; the strongest law is {_refused(lead['law'])}" if lead.get("law") else words
 
 
-def _named(decision: Record) -> str:
-    return listed(map(effect_name, decision["effects"]))
+def _refused(decision: Record, so: str = "") -> str:
+    name, numbers = listed(map(effect_name, decision["effects"])), decision["numbers"]
+    return f"{name}, with {chances(numbers.get('odds'))}{so}: {_REASONS[decision['code']](numbers)}"
 
 
 def effect_sentence(effect: Record) -> str:

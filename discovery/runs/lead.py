@@ -10,21 +10,18 @@ from discovery.selection.verdict import Named
 
 
 def leads(search: Search, found: Mapping[str, Named]) -> tuple[Decision | None, Decision | None]:
-    """Return the strongest lead and, where that is a force of no law, the law that explains most; None where none does.
+    """Return the strongest lead and, where that is a force of no law, the strongest law; None where there is none.
 
     What serves as well as an effect that is named (`found`) is told with that.
     """
     left, made = _refused(search, found)
+    laws = {i: d for i, d in left.items() if d.code != "unknown"}
     # A force of no law, whose size is not weighed, leads where no law explains as much.
     gained = {i: d.numbers["train"] + min(d.numbers["held"], 0.0) for i, d in left.items() if i > made}
-    laws = [i for i in gained if left[i].code != "unknown" and gained[i] > 0]
-    law = max(laws, key=lambda i: gained[i], default=None)
-    most = 0.0 if law is None else gained[law]
-    left = {i: d for i, d in left.items() if d.code != "unknown" or i not in gained or gained[i] >= most}
-    lead = _strongest(left, made, search.context.settings.nats)
-    if law is None or lead is None or lead.code != "unknown":
-        return lead, None
-    return lead, left[law]
+    most = max((gained[i] for i in laws if i in gained), default=0.0)
+    left = {i: d for i, d in left.items() if i in laws or i not in gained or gained[i] >= most}
+    lead, law = (_strongest(of, made, search.context.settings.nats) for of in (left, laws))
+    return lead, None if lead is law else law
 
 
 def _refused(search: Search, found: Mapping[str, Named]) -> tuple[dict[int, Decision], int]:
