@@ -51,6 +51,15 @@ def test_a_jump_of_readings_is_told_with_its_place() -> None:
     assert "lies at 0 s" in caution_sentence(reading.summary())
 
 
+def test_a_hand_that_still_holds_when_a_recording_begins_is_told_with_its_remedy() -> None:
+    hand = np.zeros(COUNT)
+    hand[: COUNT // 50] = 40 * bench.NOISE
+    found = burst(fitted(hand))
+    assert found is not None
+    told = caution_sentence(found.summary())
+    assert "where it begins: was it still held? Then let it begin later (samples in the rig file)" in told
+
+
 def test_what_a_step_of_the_input_leaves_is_asked_of_the_input() -> None:
     place = COUNT // 3
     edges = np.array([bench.TIME[0], bench.TIME[place], bench.TIME[-1]])

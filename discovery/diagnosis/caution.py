@@ -31,6 +31,7 @@ _ELSEWHERE = 5.0
 _AHEAD, _UNTOLD = 2.0, 0.1
 #: Such a part of what is left of a recording is a burst where it lies within such a share of it.
 _SHORT = {0.5: 0.1, 0.25: 0.01}
+_FIRST = 4  # readings: where a recording begins
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
 _LITTLE, _LARGE = 3.0, 2.0
 #: Errors are white where the variance of their mean is less than so many times that of independent ones.
@@ -127,11 +128,12 @@ def burst(fitted: Fit) -> Caution | None:
             for share, short in _SHORT.items():
                 begin, end = _shortest(time, part, share * whole)
                 if end - begin <= short * float(time[-1] - time[0]):
-                    found.append((share, whole, e.recording.name, begin, end, _input_jumps(e, begin, end)))
+                    about = {"input_jumps": _input_jumps(e, begin, end), "begins": bool(begin <= time[:_FIRST][-1])}
+                    found.append((share, whole, e.recording.name, {"start": begin, "stop": end, **about}))
     if not found:
         return None
-    share, _, name, begin, end, jumps = max(found)
-    return Caution("burst", name, numbers={"start": begin, "stop": end, "share": share, "input_jumps": jumps})
+    share, _, name, numbers = max(found, key=lambda f: f[:2])
+    return Caution("burst", name, numbers={"share": share, **numbers})
 
 
 def _input_jumps(experiment: Experiment, begin: float, end: float) -> bool:

@@ -112,6 +112,8 @@ def _burst(found: Record) -> str:
     when = f"at {start} s" if start == stop else f"between {start} and {stop} s"
     part = "half" if found["numbers"]["share"] >= 0.5 else "a quarter"
     asked = "was it pushed there, did it hit something, or did readings jump?"
+    if found["numbers"].get("begins"):
+        when, asked = f"{when}, where it begins", "was it still held? Then let it begin later (samples in the rig file)"
     if found["numbers"].get("input_jumps"):
         when, asked = f"{when}, where its input jumps", "does that act late, or slower than the model says?"
     return f"{part} of what is left of {found['about']} lies {when}: {asked}"
