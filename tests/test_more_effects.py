@@ -282,6 +282,12 @@ def test_the_radius_of_the_exact_arm_has_these_terms_already() -> None:
 # A periodic force.
 
 
+@pytest.mark.parametrize(("zeta_2", "duration", "alike"), [(0.3, 7.0, False), (0.3, 6.0, True), (1.1, 7.0, True)])
+def test_a_mode_that_does_not_vibrate_imitates_what_drifts(zeta_2, duration, alike):
+    values = {"g_2": 1.0, "omega_2": 1.0, "zeta_2": zeta_2}
+    assert get_effect("second_mode").imitates(values, 0.1, duration, 0.01, 1.0, 1.0) is alike
+
+
 def test_a_force_that_hardly_repeats_imitates_others_and_one_that_never_does_could_be_anything() -> None:
     effect = get_effect("periodic_disturbance")
     found = [effect.imitates({"Omega": 2.0}, 0.1, cycles * np.pi, 0.01, 1.0, 1.0) for cycles in (0.9, 1.1, 2.9, 3.1)]

@@ -1,5 +1,6 @@
 """A second mode of vibration."""
 
+import numpy as np
 import sympy as sp
 
 from discovery.declarations.effect import Mode
@@ -32,6 +33,11 @@ class SecondMode(Mode):
         "1", "damping ratio of the second mode", (0.0, 2.0), LogNormal(0.05, 1.0), default=0.05, shape=True,
         starts=(0.02, 0.1), latex=r"\zeta_2",
     )  # fmt: skip
+
+    @classmethod
+    def imitates(cls, values, time, duration, step, reach, passes):
+        """Return whether it creeps in the place of vibrating, or for less than a cycle, as what drifts does."""
+        return values["zeta_2"] > 1.0 or values["omega_2"] * duration < 2 * np.pi
 
     def displacement(self):
         """Return z."""
