@@ -179,6 +179,15 @@ def test_what_is_named_beside_a_model_error_is_said_with_its_odds(capsys: pytest
     )
 
 
+def test_an_effect_that_is_small_beside_the_model_error_is_said_so(capsys: pytest.CaptureFixture[str]) -> None:
+    drag = {"id": "quadratic_drag", "parameters": {"c_2": {"value": 0.1, "sd": 0.01, "unit": "m^-1"}},
+            "probability": 0.95, "group_probability": 0.95, "ambiguous_with": []}  # fmt: skip
+    small = "it moves the prediction by 1.7 times the model error that is left: another law may do the same\n"
+    for size, said in ((1.7, True), (4.0, False)):
+        say_loop(found_loop("partly_explained", {**drag, "evidence": synthetic_run.odds(60.0, 20.0, size)}))
+        assert (small in capsys.readouterr().out) is said
+
+
 def test_a_bias_is_told_as_the_zero_of_the_sensor_whatever_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
     bias = {"id": "angle_offset", "parameters": {"theta_0": {"value": 0.1, "sd": 0.01, "unit": "m s^-2"}},
             "evidence": {}, "probability": None, "group_probability": None, "ambiguous_with": []}  # fmt: skip

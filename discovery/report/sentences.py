@@ -117,14 +117,20 @@ def effect_sentence(effect: Record) -> str:
     """Return how sure an added effect is; empty for better mechanics, which are no effects of the catalogue."""
     if not effect["evidence"]:
         return ""
-    words = chances(effect["evidence"]["odds"])
-    if effect["probability"] is None:
-        return words
-    words += f", {inclusion_words(effect)}"
-    if not effect.get("may_stand_for_unknown"):
-        return words
-    more = plain(effect["evidence"]["force_instead"])
-    return f"{words}; an unknown force, smooth in position and rate, explains {more} nats more in its place"
+    numbers = effect["evidence"]
+    words = chances(numbers["odds"])
+    if effect["probability"] is not None:
+        words += f", {inclusion_words(effect)}"
+        # Of smaller odds a reader weighs the number, and must know what it hangs on.
+        if numbers["odds"] == numbers.get("against_error") and numbers["odds"] < math.log(_MOST):
+            far = plain(numbers["size"], 2)
+            words += (
+                f"; it moves the prediction by {far} times the model error that is left: another law may do the same"
+            )
+    if effect.get("may_stand_for_unknown"):
+        more = plain(numbers["force_instead"])
+        words += f"; an unknown force, smooth in position and rate, explains {more} nats more in its place"
+    return words
 
 
 def doubts_answer(code: str, *, complete: bool, named: Sequence[float | None]) -> bool:
