@@ -32,8 +32,8 @@ def candidates(
     its rig file declares, which say whether anything ties the coordinate; all otherwise. `turns`: whether the recorded
     motion turns back, which laws of memory ask for. `spins`: whether it goes on and on through full turns, which no
     law of the place does but one that is the same in each of them. `winds`: whether an angle that is read goes
-    farther than half a turn from its zero, which no picture shows as a distance. `several`: whether there are several
-    recordings: in one a law whose values differ between them is no other than the one that it contains.
+    farther than half a turn from its zero, which no picture shows as a distance. `several`: whether it was recorded
+    several times: in one recording a law whose values differ between them is no other than the one that it contains.
     """
     placed_at = model.mechanics.places()
     acting = _at_places(model) if placed_at else _on_the_coordinate(model, unit, declared)

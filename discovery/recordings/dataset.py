@@ -111,7 +111,7 @@ def _read(part: RecordPart, rig: Rig) -> Recording:
     read = read_recording(path, rig, part.samples, where=part.where, name=part.name)
     declared = {} if rig.system is None else rig.system.constants
     own = [Flag("own_constant", n, declared[n].unit, {"value": value}) for n, value in part.constants]
-    return replace(read, at_rest=part.at_rest, constants=part.constants, flags=(*read.flags, *own))
+    return replace(read, at_rest=part.at_rest, constants=part.constants, where=part.where, flags=(*read.flags, *own))
 
 
 def load_dataset(

@@ -214,8 +214,15 @@ def course(experiments: Sequence[Experiment]) -> dict[str, bool]:
         "turns": turns_back(experiments),
         "spins": spins(experiments),
         "winds": _winds(experiments),
-        "several": len(experiments) > 1,
+        "several": _sessions(experiments) > 1,
     }
+
+
+def _sessions(experiments: Sequence[Experiment]) -> int:
+    """Return how often it was recorded anew: parts of one file whose times go on are cut from one recording."""
+    read = sorted((e.recording for e in experiments), key=lambda r: (r.sha256, str(r.where), r.time[0]))
+    goes_on = [(a.sha256, a.where) == (b.sha256, b.where) and a.time[-1] < b.time[0] for a, b in pairwise(read)]
+    return len(read) - int(sum(goes_on))
 
 
 def _ways(experiments: Sequence[Experiment]) -> list[tuple[FloatArray, float]] | None:

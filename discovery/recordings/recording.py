@@ -68,6 +68,8 @@ class Recording(RecordingViews):
         Whether nothing moves at the first reading, as the rig file says.
     constants : tuple of (str, float)
         Those of a declared system that are others here [SI].
+    where : tuple of (str, str or float)
+        By which columns its rows were chosen.
 
     Examples
     --------
@@ -102,6 +104,7 @@ class Recording(RecordingViews):
     rows: IntArray | None = None
     at_rest: bool = False
     constants: tuple[tuple[str, float], ...] = ()
+    where: tuple[tuple[str, str | float], ...] = ()
 
     @cached_property
     def scatter(self) -> FloatArray:

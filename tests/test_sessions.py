@@ -1,0 +1,53 @@
+"""What may differ between recordings: parts of one file whose times go on are one of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discovery.equations.lacking import candidates
+from discovery.estimation.declared import declared_model
+from discovery.recordings.dataset import load_dataset
+from discovery.recordings.parts import course
+
+RIG = """name = "spring"
+kind = "oscillator"
+
+[columns]
+time = {{ name = "t", unit = "s" }}
+output = {{ name = "x", unit = "mm" }}
+
+[model]
+effects = ["linear_stiffness", "viscous_damping"]
+
+[records]
+train = [{train}]
+"""
+TIME = np.arange(400) * 0.013
+SWING = 20.0 * np.exp(-0.3 * TIME) * np.cos(9.0 * TIME) + 0.05 * np.random.default_rng(4).standard_normal(TIME.size)
+AGAIN = np.where(TIME < 200 * 0.013, TIME, TIME - 150 * 0.013)  # the clock begins anew
+
+
+@pytest.mark.parametrize(
+    ("time", "train", "differ"),
+    [
+        (TIME, '{ file = "a.csv", samples = [0, 190] }, { file = "a.csv", samples = [200, 400] }', False),
+        (TIME, '{ file = "a.csv", where = { run = 1 } }, { file = "a.csv", where = { run = 2 } }', True),
+        (TIME, '{ file = "a.csv", samples = [0, 190] }, { file = "b.csv", samples = [200, 400] }', True),
+        (AGAIN, '{ file = "a.csv", samples = [0, 190] }, { file = "a.csv", samples = [200, 400] }', True),
+    ],
+)
+def test_a_zero_differs_between_recordings_and_not_between_parts_of_one(
+    tmp_path: Path, time: np.ndarray, train: str, differ: bool
+) -> None:
+    run = 1.0 + (np.arange(TIME.size) >= 200)
+    for name, more in (("a.csv", 0.0), ("b.csv", 0.1)):
+        np.savetxt(
+            tmp_path / name, np.column_stack([time, SWING + more, run]), "%.6f", ",", header="t,x,run", comments=""
+        )
+    (tmp_path / "rig.toml").write_text(RIG.format(train=train))
+    parts = load_dataset(tmp_path / "rig.toml").train
+    assert course(parts)["several"] is differ
+    offered = candidates(declared_model(parts[0]), "m", **course(parts))
+    assert ("recording_offset" in offered) is differ
+    assert "angle_offset" in offered
