@@ -71,3 +71,11 @@ def test_a_constant_is_held_against_the_whole_recording_and_not_its_calm_end() -
     assert left.share == pytest.approx(1 / 3, abs=1 / n)
     assert apart.share == 1.0
     assert continued.scatter == pytest.approx(y.std())
+
+
+def test_a_recording_of_a_steady_level_is_held_against_the_level_of_training() -> None:
+    trained = recorded("trained", pushes(1.0, -1.5, 0.7, 0.0), 0)
+    level = replace(HELD, recording=replace(HELD.recording, output=np.full_like(HELD.recording.output, 3.0)))
+    (constant,) = HoldOut([trained], [level], UNITS, 2e-5).constants
+    off = (3.0 - trained.recording.output.mean()) / HELD.recording.noise[0]
+    np.testing.assert_allclose(constant.held[0].columns, off)

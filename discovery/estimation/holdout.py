@@ -29,22 +29,20 @@ from discovery.recordings.parts import MOVES, motion_over_noise, two_thirds
 SEPARATE = "separate recordings"
 #: Readings so many times their noise, and derivatives, are those of a motion that blows up.
 _WILD = 1e100
-#: A state is found within so many steps.
-_ITERATIONS = 12
-#: and so precisely: of 2000 readings that are explained to their noise, to a thousandth of a nat.
-_PRECISE = 1e-6
+#: A state is found within so many steps, to a thousandth of a nat of 2000 readings that are explained to their noise.
+_ITERATIONS, _PRECISE = 12, 1e-6
 
 
 @dataclass(frozen=True)
 class Constant:
-    """What the mean of a recording leaves of it: one column a channel [noise sds]."""
+    """What a constant leaves of a recording: one column a channel [noise sds]."""
 
     whole: list[Channel]  # of all of it: the end of a motion may scatter little
     held: list[Channel]  # of what is held out
     share: float  # of the readings that are held out
 
     def unless_finite(self, held: list[Channel], p: int) -> list[Channel]:
-        """Return what is left of a recording; where the motion blows up, what its mean leaves, whatever the p."""
+        """Return what is left of a recording; where the motion blows up, what the constant leaves, whatever the p."""
         if all_finite(held):
             return held
         return [replace(c, columns=np.insert(c.columns, [0] * p, 0.0, axis=1)) for c in self.held]
@@ -186,13 +184,16 @@ class HoldOut:
 
     @cached_property
     def constants(self) -> list[Constant]:
-        """Return what the mean of each channel leaves of every recording with readings that decide."""
-        found = []
+        """Return what the mean of what is known leaves of every recording with readings that decide.
+
+        Its own mean would tell the level that a separate recording holds.
+        """
+        known, found = np.concatenate([e.recording.output for e in self.train]), []
         for i, present in self.places:
-            e = self.parts[i][0]
-            read, whole = e.recording.output / e.recording.scatter, np.isfinite(e.recording.output)
-            apart = (read - np.nanmean(np.where(whole, read, np.nan), axis=0))[:, :, None]
-            every, held = (Channel.each(e.recording.time, apart, part) for part in (whole, present))
+            read = self.parts[i][0].recording
+            level, whole = np.nanmean(read.output if self.continued else known, axis=0), np.isfinite(read.output)
+            apart = ((read.output - level) / read.scatter)[:, :, None]
+            every, held = (Channel.each(read.time, apart, part) for part in (whole, present))
             found.append(Constant(every, held, float(present.sum() / whole.sum())))
         return found
 
@@ -288,8 +289,7 @@ def _state_starts(problem: Problem) -> list[FloatArray]:
 
 def _best(problem: Problem, minima: Sequence[Minimum]) -> FloatArray:
     """Return for every recording the start of the minimum that leaves least of it."""
-    cost = np.array([[np.sum(m.residual[rows] ** 2) for rows, _ in problem.bench.blocks()] for m in minima])
-    best = np.argmin(cost, axis=0)
+    best = np.argmin([[np.sum(m.residual[rows] ** 2) for rows, _ in problem.bench.blocks()] for m in minima], axis=0)
     return np.array([minima[best[state.experiment]].x[i] for i, state in enumerate(problem.states)])
 
 

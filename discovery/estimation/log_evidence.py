@@ -123,9 +123,9 @@ def evidence_of(problem: Linearised) -> Evidence:
 
 
 def constant_score(left: Sequence[Channel], natural_time: float, scale: float) -> float:
-    """Return the log predictive score of a recording of which nothing is predicted but the mean of each channel [nats].
+    """Return the log predictive score of a recording of which a constant is predicted for each channel [nats].
 
-    `left`: what the mean leaves of every channel, one column each [noise sds]. `natural_time`: of the motion [s].
+    `left`: what that leaves of every channel, one column each [noise sds]. `natural_time`: of the motion [s].
     `scale`: of the prior of the model error [noise sds].
     """
     none = np.empty(0)
