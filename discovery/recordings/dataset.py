@@ -24,6 +24,7 @@ from discovery.recordings.flags import Flag
 from discovery.recordings.own_parts import own_parts
 from discovery.recordings.parts import fitted_count, moving_count, moving_part, thirds_apart, with_flag
 from discovery.recordings.recording import Recording, read_recording
+from discovery.recordings.uneven_noise import with_uneven_noise
 from discovery.recordings.unit_mistakes import angle_doubt, fall_doubt
 from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
@@ -171,6 +172,7 @@ def load_dataset(
     _refuse_twins(found)
     _distinguish(found, parts)
     found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})
+    found["train"] = with_uneven_noise(rig, found["train"])
     to_fit, found["holdout"] = _to_fit(rig, found, keep_third=keep_third)
     dataset = Dataset(
         rig,

@@ -163,6 +163,12 @@ CODES: dict[str, Words] = {
         "Neighbouring readings of {column!r} err in opposite directions, as differences of counts do: over several of "
         "them noise is at least {ratio:.2g} times smaller. Give averages of neighbours, or what was counted.",
     ),
+    "noise_uneven": (
+        "doubt",
+        "Readings of {column!r} scatter by {sd:unit} here and by {larger:unit} in {other!r}. One sensor reads both: "
+        "held or smoothed readings hide their noise, and count far too much. State the noise of that column in the "
+        "rig file.",
+    ),
     "alike_kept": (
         "doubt",
         "About {alike:.2g} neighbouring readings err alike, and are not averaged, which takes {least} of them: the "
