@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from discovery.drafting.overview import overview, overview_lines
 from discovery.drafting.rig_text import draft
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
-from discovery.recordings.force_view import force_samples, noise_gain, zero_phase
+from discovery.recordings.force_view import cutoff_for, force_samples, noise_gain, zero_phase
 from discovery.recordings.recording import read_recording
 from discovery.rigs.rig import Columns, Controller, ForceView, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.runs.loop import close_loop
@@ -42,6 +43,33 @@ def test_two_samples_in_a_period_of_the_cutoff():
     assert np.diff(np.flatnonzero(used)).tolist() == [50] * (used.sum() - 1)
     assert not used[:100].any()
     assert force_samples(ForceView(50.0, CUTOFF, 7), T, RATE)[1400]
+
+
+@pytest.mark.parametrize(("count", "duration"), [(30, 3.0), (90, 20.0), (200, 7.0)])
+def test_a_cutoff_leaves_as_many_samples_as_it_is_asked_for(count, duration):
+    time = np.arange(duration * RATE) / RATE
+    cutoff = cutoff_for(count, duration)
+    assert count - 1 <= force_samples(ForceView(500.0, cutoff), time, RATE).sum() <= 1.1 * count + 1
+
+
+def test_what_is_compared_of_a_force_is_told_and_too_little_has_a_remedy_that_works(tmp_path):
+    record(tmp_path / "r.csv", T[:2000])
+    view = '[view]\noutput = "force"\nmotion_cutoff_hz = {cutoff}\ncutoff_hz = {cutoff}\n'
+    text = (
+        'name = "d"\nkind = "drive"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+        'input = { name = "q", unit = "m" }\noutput = { name = "f", unit = "N" }\n'
+        '[model]\neffects = ["viscous_damping"]\n'
+    )
+    (tmp_path / "rig.toml").write_text(text + view.replace("{cutoff}", "6.0"))
+    with pytest.raises(InputError, match=r"raise cutoff_hz from 6 to (\d+) Hz") as refused:
+        load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"])
+    enough = re.search(r"from 6 to (\d+) Hz", str(refused.value))
+    assert enough is not None
+    (tmp_path / "rig.toml").write_text(text + view.replace("{cutoff}", enough[1]))
+    (e,) = load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"]).train
+    (told,) = (f for f in e.recording.flags if f.code == "force_thinned")
+    assert (told.numbers["count"], told.severity) == (2000, "note")
+    assert 85 <= told.numbers["kept"] <= 110
 
 
 def rig(**changes):

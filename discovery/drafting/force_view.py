@@ -11,7 +11,9 @@ from discovery.declarations.units import si_symbol
 from discovery.drafting.signals import Signals
 from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import median_step
+from discovery.recordings.force_view import cutoff_for
 from discovery.recordings.reading_noise import filled, spectrum
+from discovery.recordings.unusable import FEWEST
 
 _FORCE_OF = {"m": "N", "m/s": "N", "rad": "N m", "rad/s": "N m"}
 #: Share of the square of a speed below the frequency of a motion, and multiples of that frequency up to which its force
@@ -29,11 +31,14 @@ def is_seen_as_force(found: Signals) -> bool:
 
 def view(recordings: Sequence[Signals]) -> Iterator[str]:
     """Yield the lines of a table [view]; the cutoffs are multiples of the frequency of the fastest motion."""
-    frequency = max(map(_frequency, recordings))
-    cutoff = min(_MULTIPLES * frequency, _LARGEST / _WIDER / median_step(recordings[0].seconds))
+    frequency, rate = max(map(_frequency, recordings)), 1.0 / median_step(recordings[0].seconds)
+    # Of a short recording at a low rate as much is taken as leaves readings enough.
+    least = max(cutoff_for(FEWEST, float(np.ptp(r.seconds))) for r in recordings)
+    cutoff = min(max(min(_MULTIPLES * frequency, _LARGEST / _WIDER * rate), least), _LARGEST * rate)
     yield "[view]"
     yield 'output = "force"   # the motion is imposed, and the force that it takes is compared'
-    yield f"motion_cutoff_hz = {figures(_WIDER * cutoff, 2)}   # guessed: the motion is differentiated below it"
+    motion = min(_WIDER * cutoff, _LARGEST * rate)
+    yield f"motion_cutoff_hz = {figures(motion, 2)}   # guessed: the motion is differentiated below it"
     times = f"{cutoff / frequency:.0f} times the frequency of the motion"
     yield f"cutoff_hz = {figures(cutoff, 2)}   # guessed: about {times}"
 

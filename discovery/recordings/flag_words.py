@@ -180,6 +180,11 @@ CODES: dict[str, Words] = {
         "{count} readings every {step:.3g} s were averaged by {length} to {kept} every {apart:.3g} s: nothing of the "
         "motion that stands out of the noise needs more. The motion begins before the first of them, where none is.",
     ),
+    "force_thinned": (
+        "note",
+        "{kept} of {count} readings of the force are compared: two a period of {cutoff:.3g} Hz, the cutoff of the "
+        "force, and none within three periods of an end, where the low-pass settles.",
+    ),
     "own_constant": ("note", "its {column} is {value:unit}, as the rig file says of it alone."),
     "at_rest": (
         "note",

@@ -42,6 +42,7 @@ def viewed(rig: Rig, found: Signals, noise: Sequence[float], flags: list[Flag]) 
             "with samples = [start, stop]."
         )
     used = force_samples(view, found.time, rate)
+    flags.append(Flag("force_thinned", numbers={"count": used.size, "kept": int(used.sum()), "cutoff": view.cutoff}))
     found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
     return [noise_gain(rate, view.cutoff) * value for value in noise]
 
@@ -118,6 +119,11 @@ def force_samples(view: ForceView, time: FloatArray, rate: float) -> BoolArray:
     used[::every] = True
     settling = _SETTLING / view.cutoff
     return used & (time >= time[0] + settling) & (time <= time[-1] - settling)
+
+
+def cutoff_for(count: int, duration: float) -> float:
+    """Return the lowest cutoff [Hz] by which so many samples of a force are used, see `force_samples`."""
+    return (count / _SAMPLES_A_PERIOD + 2.0 * _SETTLING) / duration
 
 
 def _sections(rate: float, cutoff: float) -> FloatArray:

@@ -198,7 +198,7 @@ def _check_increase(found: Signals) -> None:
         fault = "the same time as the row before" if steps[row - 1] == 0 else "earlier than the row before"
         remedy = (
             "Times must strictly increase: sort the rows, remove those that stand twice, and export times with enough "
-            "digits; of a steady clock, state rate_hz in the place of the column."
+            "digits; of a steady clock, state its rate in the place of the column, time = { rate_hz = 100.0 } say."
         )
         if _several(steps):
             fault += ", and times increase again from there"

@@ -17,7 +17,7 @@ _UNEVEN = 10.0
 
 def with_uneven_noise(rig: Rig, recordings: Sequence[Recording]) -> list[Recording]:
     """Return recordings that are fitted together, with a flag on each whose estimated noise is far below another's."""
-    if rig.view or not all(r.noise_estimated for r in recordings):
+    if rig.view or rig.traits.has_rod or not all(r.noise_estimated for r in recordings):
         return list(recordings)
     noise = np.array([r.noise for r in recordings])
     largest, found = np.argmax(noise, axis=0), []

@@ -14,12 +14,14 @@ from discovery.declarations.symbols import delta, delta_dot, omega, t, theta, v_
 from discovery.declarations.units import quoted, si_factor
 from discovery.foundation.arrays import BoolArray
 from discovery.foundation.errors import InputError
+from discovery.foundation.estimate_text import figures
 from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, largest_deflection
+from discovery.recordings.force_view import cutoff_for
 
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
-_FEWEST = 30
+FEWEST = 30
 #: A rod bends where its deflections scatter by more than noise would, over the scatter of their steps.
 _BENDS = 1.1
 #: Readings that tell whether a body begins at rest.
@@ -56,7 +58,7 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
     parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}
     if role == "train" and not fitted.all():
         parts["held-out"] = finite[~fitted]
-    fewest = min(_FEWEST, experiment.rig.traits.fewest)
+    fewest = min(FEWEST, experiment.rig.traits.fewest)
     for name, part in parts.items():
         if part.sum() < fewest:
             raise _too_few(experiment, name, part, fewest, finite.size if len(parts) > 1 else None)
@@ -78,10 +80,10 @@ def _too_few(experiment: Experiment, name: str, part: BoolArray, fewest: int, di
     ways = ["give a recording without so long a gap"] if gaps else [longer, "sample it more often"]
     if view is not None:
         # Of the force few readings are used, and none near its ends.
-        ways = [
-            longer,
-            f"raise the cutoff of the force, {view.cutoff:g} Hz in [view]: two readings a period of it count",
-        ]
+        # Of a recording a third may be held out.
+        enough = cutoff_for(fewest if divided is None else 3 * fewest, float(np.ptp(r.time)))
+        to = f"from {view.cutoff:g} to {figures(enough, 2)} Hz in [view], and motion_cutoff_hz to as much at least"
+        ways = [longer, f"raise cutoff_hz {to}: two readings a period of it count, and none within three of an end"]
     if divided is not None:
         ways.append("name another recording to be held out, with --holdout or in [records] of the rig file")
     remedy, of = ", or ".join(ways), "" if divided is None else f", of {divided} in all"
