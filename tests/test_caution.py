@@ -16,7 +16,7 @@ from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
 from discovery.diagnosis.caution import Caution, acausal, missed, unfinished
-from discovery.diagnosis.edges import at_edges, combined, held_sign, lost_gain, strayed_constant, untold
+from discovery.diagnosis.edges import at_edges, combined, gain_untold, held_sign, strayed_constant, untold
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
@@ -25,7 +25,8 @@ from discovery.estimation.log_evidence import Evidence
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.problem import Problem
 from discovery.recordings.dataset import load_dataset
-from discovery.report.doubt_sentences import caution_sentence, contradiction_sentences
+from discovery.report.contradiction_sentences import contradiction_sentences
+from discovery.report.doubt_sentences import caution_sentence
 from discovery.report.sentences import decision_sentence
 from discovery.runs.loop import close_loop
 from discovery.screening.refits import Refit
@@ -393,13 +394,17 @@ def test_a_gain_that_is_lost_with_what_was_added_is_doubted(value: float, sd: fl
         row = {"value": value, "sd": sd, "unit": "rad s^-2"}
         return cast(Fit, SimpleNamespace(model=model, problem=SimpleNamespace(free=("g",)), told=lambda _: row))
 
-    found = lost_gain(fitted(9.3, 1.0), fitted(value, sd))
+    found = gain_untold(fitted(9.3, 1.0), fitted(value, sd))
     assert (found is not None) == told
     if found is not None:
         assert "g = " in (said := caution_sentence(found.summary()))
         assert "9.3 +- 1.0 rad s^-2 before" in said
-    # What no recording told before is not lost.
-    assert lost_gain(fitted(9.3, 5.0), fitted(value, sd)) is None
+    # What no recording told before is not lost: it was never there.
+    never = gain_untold(fitted(9.3, 5.0), fitted(value, sd))
+    assert (never is not None) == (told and sd is not None)
+    if never is not None:
+        assert "the gain of the input is not told from zero, g = " in (said := caution_sentence(never.summary()))
+        assert "before" not in said
 
 
 def test_a_fit_that_stopped_on_its_way_is_doubted(scaled: Fit) -> None:

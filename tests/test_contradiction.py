@@ -37,7 +37,7 @@ from discovery.estimation.natural_units import natural_units
 from discovery.estimation.problem import known_values
 from discovery.recordings.dataset import load_dataset
 from discovery.report import build_report
-from discovery.report.doubt_sentences import contradiction_sentences
+from discovery.report.contradiction_sentences import contradiction_sentences
 from discovery.rigs.rig import Quantity, Rig
 from discovery.selection.context import Context
 from discovery.selection.settings import LoopSettings

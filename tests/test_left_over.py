@@ -57,7 +57,7 @@ def test_a_hand_that_still_holds_when_a_recording_begins_is_told_with_its_remedy
     found = burst(fitted(hand))
     assert found is not None
     told = caution_sentence(found.summary())
-    assert "where it begins: was it still held? Then let it begin later (samples in the rig file)" in told
+    assert "where it begins: was it still held or pushed? Then let it begin later (samples in the rig file)" in told
 
 
 def test_what_a_step_of_the_input_leaves_is_asked_of_the_input() -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
-    from discovery.report.doubt_sentences import contradiction_sentences
+    from discovery.report.contradiction_sentences import contradiction_sentences
     from discovery.report.manoeuvre_sentences import separation_sentence
     from discovery.report.model_error_words import model_error_words
     from discovery.report.sentences import decision_sentence, lead_sentence

@@ -54,6 +54,7 @@ class Caution:
     #: "held_sign" (a constant of the declared model that ends at zero and would go beyond), "far_start" (`value`, `sd`
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
     #: "lost_gain" (of the input, not told from zero any more: `value`, `sd`, `unit`, `before` and `before_sd`),
+    #: "no_gain" (never told from zero: `value`, `sd` and `unit`),
     #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule),
     #: "untold" (an added effect of no size 3 sds from zero: `value`, `sd` and `unit` of the first of them),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is

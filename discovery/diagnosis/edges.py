@@ -86,20 +86,22 @@ def held_sign(declared: Fit, final: Fit) -> Caution | None:
     return Caution("held_sign", named, numbers=numbers)
 
 
-def lost_gain(declared: Fit, final: Fit) -> Caution | None:
-    """Return the gain of the input that the declared model told from zero, and the final one does not; None without.
+def gain_untold(declared: Fit, final: Fit) -> Caution | None:
+    """Return the gain of the input that the final model does not tell from zero; None without.
 
-    What was added then does as the input does, or as the losses that the input makes up for.
+    Where the declared one did, what was added does as the input does, or as the losses that the input makes up for.
     """
     push = final.model.mechanics.push()
     gains = {x.name for x in push.free_symbols} & {*declared.problem.free} & {*final.problem.free} if push else ()
     for name in sorted(gains):
         before, after = declared.told(name), final.told(name)
-        if before["sd"] is None or abs(before["value"]) < _BEYOND * before["sd"]:
+        if after["sd"] is not None and abs(after["value"]) >= _TOLD * after["sd"]:
             continue
-        if after["sd"] is None or abs(after["value"]) < _TOLD * after["sd"]:
-            numbers = {"value": after["value"], "sd": after["sd"], "unit": after["unit"]}
+        numbers = {k: after[k] for k in ("value", "sd", "unit")}
+        if before["sd"] is not None and abs(before["value"]) >= _BEYOND * before["sd"]:
             return Caution("lost_gain", name, numbers={**numbers, "before": before["value"], "before_sd": before["sd"]})
+        if after["sd"] is not None:
+            return Caution("no_gain", name, numbers=numbers)
     return None
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from discovery.diagnosis.manoeuvre_design import Move, hub_drive
-from discovery.report.doubt_sentences import caution_sentence, contradiction_sentences, stand_in_sentence
+from discovery.report.contradiction_sentences import contradiction_sentences
+from discovery.report.doubt_sentences import caution_sentence, stand_in_sentence
 from discovery.report.estimates import symbol_of
 from discovery.report.manoeuvre_sentences import laws_apart, laws_of, separation_sentence
 from discovery.report.numbers import MISSING, significant, uncertain, unit_text

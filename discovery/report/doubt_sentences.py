@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from discovery.declarations.registry import effect_name
@@ -113,7 +112,10 @@ def _burst(found: Record) -> str:
     part = "half" if found["numbers"]["share"] >= 0.5 else "a quarter"
     asked = "was it pushed there, did it hit something, or did readings jump?"
     if found["numbers"].get("begins"):
-        when, asked = f"{when}, where it begins", "was it still held? Then let it begin later (samples in the rig file)"
+        when, asked = (
+            f"{when}, where it begins",
+            "was it still held or pushed? Then let it begin later (samples in the rig file)",
+        )
     if found["numbers"].get("input_jumps"):
         when, asked = f"{when}, where its input jumps", "does that act late, or slower than the model says?"
     return f"{part} of what is left of {found['about']} lies {when}: {asked}"
@@ -188,6 +190,11 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         f"{effect_name(found['effect'])} serves, but none of its sizes lies 3 sds from zero, {found['about']} = "
         f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: another law may do the same"
     ),
+    "no_gain": lambda found: (
+        f"the gain of the input is not told from zero, {found['about']} = "
+        f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: the model moves as if there were "
+        "no input. Is it the right column? Where a machine imposes the motion, the force answers it ([view])"
+    ),
     "lost_gain": lambda found: (
         f"with what was added the gain of the input is not told from zero any more, {found['about']} = {_told(found)}: "
         "that does as the input does in these recordings, and predicts no other input. Record another input, or state "
@@ -241,49 +248,6 @@ def remedy_sentence(failure: Record) -> str:
         words = "check the units of the columns, and give guesses within a factor of two of the truth"
         return f"{words}; or {part}" if part else words
     return "check the units of stiffness and inertia, and their guesses: a light part on a stiff spring rings too fast"
-
-
-#: A value so many standard deviations from its prediction agrees with it.
-_AGREES = 3.0
-
-
-def contradiction_sentences(tested: Record | None) -> list[str]:
-    """Return every contradiction of loop.json in words."""
-    if not tested:
-        return []
-    checks = {c["parameter"]: c for c in tested["checks"]}
-    return [_contradiction(c, checks[c["parameter"]]) for c in tested["contradictions"]]
-
-
-def _contradiction(found: Record, check: Record) -> str:
-    head = (
-        f"{check['parameter']} = {estimate_text(check['value'], check['sd'], check['unit'])} contradicts "
-        f"{check['source']}, {estimate_text(check['predicted'], check['predicted_sd'])} "
-        f"({figures(abs(check['z']), 2)} standard deviations apart); "
-    )
-    if found["overruled"] is not None:
-        kept = "the fit keeps to what is stated, and added effects may make up for it"
-        told = [f"{o['name']} = {estimate_text(o['value'], o['sd'], o['unit'])}" for o in found["instead"]]
-        other = f", or {' or '.join(told)} in its place, which fits as well" if told else ""
-        return head + f"{'the recordings overrule it' if found['overruled'] else kept}{other}. Is the rig file right?"
-    if not found["sought"]:
-        return head + "what is left is not noise, so no effect is sought to reconcile them. Is the rig file right?"
-    if not found["reconciling"]:
-        doubt = " Is the rig file right?" if found["gross"] else ""
-        return head + f"no effect of the catalogue reconciles them{_nearest(found['tried'])}.{doubt}"
-    best, *others = found["reconciling"]
-    odds = next(t["odds"] for t in found["tried"] if t["id"] == best)
-    also = f"; so would {', '.join(others)}" if others else ""
-    return head + f"{best} reconciles them, {figures(odds)} nats against an error of the rig file{also}."
-
-
-def _nearest(tried: Sequence[Record]) -> str:
-    """Return the likeliest effect with which the parameter is as predicted, though an error of the rig is likelier."""
-    near = [t for t in tried if abs(t["z"]) < _AGREES and math.isfinite(t["odds"])]
-    if not near:
-        return ""
-    best = max(near, key=lambda t: t["odds"])
-    return f"; the nearest is {best['id']}, {figures(-best['odds'], 2)} nats less likely than an error of the rig file"
 
 
 def stand_in_sentence(effect: str, found: Record) -> str:

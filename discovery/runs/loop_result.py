@@ -206,7 +206,7 @@ class LoopResult(LoopViews):
         found = [None if self.impossible else off, edges.strayed_constant(self.after), caution.acausal(self.after)]
         found.append(None if self.impossible else caution.unfinished(self.after))
         found += [*edges.combined(self.after), edges.held_sign(self.before, self.after), edges.far_start(self.after)]
-        found.append(edges.lost_gain(self.before, self.after))
+        found.append(edges.gain_untold(self.before, self.after))
         if self.added:
             found.append(caution.not_carried(self.errors))
         if not self.complete and not self.impossible:
