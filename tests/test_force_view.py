@@ -45,31 +45,70 @@ def test_two_samples_in_a_period_of_the_cutoff():
     assert force_samples(ForceView(50.0, CUTOFF, 7), T, RATE)[1400]
 
 
+@pytest.mark.parametrize("third", [False, True])
 @pytest.mark.parametrize(("count", "duration"), [(30, 3.0), (90, 20.0), (200, 7.0)])
-def test_a_cutoff_leaves_as_many_samples_as_it_is_asked_for(count, duration):
+def test_a_cutoff_leaves_as_many_samples_as_it_is_asked_for(count, duration, *, third):
     time = np.arange(duration * RATE) / RATE
-    cutoff = cutoff_for(count, duration)
-    assert count - 1 <= force_samples(ForceView(500.0, cutoff), time, RATE).sum() <= 1.1 * count + 1
+    cutoff = cutoff_for(count, duration, third=third)
+    used = force_samples(ForceView(500.0, cutoff), time, RATE)
+    found = used[(2 * time.size) // 3 :].sum() if third else used.sum()
+    assert count - 1 <= found <= 1.1 * count + 1
 
 
-def test_what_is_compared_of_a_force_is_told_and_too_little_has_a_remedy_that_works(tmp_path):
-    record(tmp_path / "r.csv", T[:2000])
-    view = '[view]\noutput = "force"\nmotion_cutoff_hz = {cutoff}\ncutoff_hz = {cutoff}\n'
-    text = (
-        'name = "d"\nkind = "drive"\n[columns]\ntime = { name = "t", unit = "s" }\n'
-        'input = { name = "q", unit = "m" }\noutput = { name = "f", unit = "N" }\n'
-        '[model]\neffects = ["viscous_damping"]\n'
-    )
-    (tmp_path / "rig.toml").write_text(text + view.replace("{cutoff}", "6.0"))
+VIEW = """name = "d"
+kind = "drive"
+[columns]
+time = { name = "t", unit = "s" }
+input = { name = "q", unit = "m" }
+output = { name = "f", unit = "N" }
+[model]
+effects = ["viscous_damping"]
+[view]
+output = "force"
+motion_cutoff_hz = CUTOFF
+cutoff_hz = CUTOFF
+"""
+
+
+@pytest.mark.parametrize("every", [1, 10])
+@pytest.mark.parametrize("held", [False, True])
+def test_what_is_compared_of_a_force_is_told_and_too_little_has_a_remedy_that_works(tmp_path, every, *, held):
+    record(tmp_path / "r.csv", T[:2000:every])
+    record(tmp_path / "h.csv", T[:15000:every])
+    given = {"train": [tmp_path / "r.csv"], "holdout": [tmp_path / "h.csv"] if held else []}
+    (tmp_path / "rig.toml").write_text(VIEW.replace("CUTOFF", "6.0"))
     with pytest.raises(InputError, match=r"raise cutoff_hz from 6 to (\d+) Hz") as refused:
-        load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"])
+        load_dataset(tmp_path / "rig.toml", **given)
     enough = re.search(r"from 6 to (\d+) Hz", str(refused.value))
     assert enough is not None
-    (tmp_path / "rig.toml").write_text(text + view.replace("{cutoff}", enough[1]))
-    (e,) = load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"]).train
+    (tmp_path / "rig.toml").write_text(VIEW.replace("CUTOFF", enough[1]))
+    (e,) = load_dataset(tmp_path / "rig.toml", **given).train
     (told,) = (f for f in e.recording.flags if f.code == "force_thinned")
-    assert (told.numbers["count"], told.severity) == (2000, "note")
-    assert 85 <= told.numbers["kept"] <= 110
+    assert (told.numbers["count"], told.severity) == (2000 // every, "note")
+    assert told.numbers["kept"] == np.isfinite(e.recording.output).sum() >= (30 if held else 90)
+
+
+@pytest.mark.parametrize(
+    ("more", "every", "remedy"),
+    [("decimation = 100\n", 1, "lower decimation"), ("", 50, "sample it more often")],
+)
+def test_where_no_cutoff_is_enough_another_remedy_is_told(tmp_path, more, every, remedy):
+    record(tmp_path / "r.csv", T[:3000:every])
+    (tmp_path / "rig.toml").write_text(VIEW.replace("CUTOFF", "6.0") + more)
+    with pytest.raises(InputError, match=remedy) as refused:
+        load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"])
+    assert "raise cutoff_hz" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("rate", "duration"), [(60.0, 1.6), (20.0, 6.0), (1000.0, 2.0)])
+def test_a_draft_of_a_short_recording_can_be_loaded(tmp_path, rate, duration):
+    time = np.arange(duration * rate) / rate
+    rng = np.random.default_rng(2)
+    q, f = 5.0 * np.sin(4.0 * time), 8.0 * np.sin(4.0 * time) + 3.0 * np.cos(4.0 * time)
+    frame = pd.DataFrame({"t_s": time, "q_mm": q, "f_N": f + 0.02 * rng.normal(size=time.size)})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "rig.toml").write_text(draft([tmp_path / "r.csv"], chosen={"output": "f_N", "input": "q_mm"}))
+    assert load_dataset(tmp_path / "rig.toml").train[0].rig.view is not None
 
 
 def rig(**changes):

@@ -58,6 +58,8 @@ def test_a_hand_that_still_holds_when_a_recording_begins_is_told_with_its_remedy
     assert found is not None
     told = caution_sentence(found.summary())
     assert "where it begins: was it still held or pushed? Then let it begin later (samples in the rig file)" in told
+    said = caution_sentence(replace(found, numbers={**found.numbers, "at_rest": True}).summary())
+    assert "where it begins: did it rest there, as at_rest in the rig file says? Else leave that out" in said
 
 
 def test_what_a_step_of_the_input_leaves_is_asked_of_the_input() -> None:

@@ -245,7 +245,7 @@ def test_the_strongest_lead_has_the_highest_odds_beside_the_set_found(monkeypatc
     assert leads(search, {n.effect: n for n in named(search)}) == (None, None)
 
 
-def test_a_force_of_no_law_leads_with_the_law_that_explains_most(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_force_of_no_law_leads_with_the_law_of_the_highest_odds(monkeypatch: pytest.MonkeyPatch) -> None:
     search = searched(beta=1.0, f_c=0.02)
 
     def told(name: str, train: float, held: float, odds: float, code: str) -> Decision:
@@ -254,11 +254,16 @@ def test_a_force_of_no_law_leads_with_the_law_that_explains_most(monkeypatch: py
     force = told("smooth_force", 90.0, 60.0, 40.0, "unknown")
     lost, small = told("hysteresis", 70.0, -9.0, 9.0, "held_out"), told("wind", 20.0, 9.0, 2.0, "size")
     worse, better = told("wind", 20.0, -30.0, -30.0, "held_out"), told("wind", 95.0, 9.0, 2.0, "size")
+    stale = told("hysteresis", 99.0, 9.0, 9.0, "size")
+    change = Decision("add", (search.best.added[-1],), True, "accepted", {"train": 9.0, "held": 9.0, "odds": 9.0})
     for laws, expected in (
         ((small, lost), (force, lost)),
+        # Of what was refused beside another set nothing is known.
+        ((stale, change, small), (force, small)),
+        ((stale, change), (force, None)),
         ((worse,), (force, None)),
         ((), (force, None)),
-        ((better, lost), (lost, None)),
+        ((better, lost), (force, lost)),
         ((better,), (better, None)),
     ):
         monkeypatch.setattr(search, "decisions", [*laws, force])

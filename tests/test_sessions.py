@@ -25,16 +25,21 @@ train = [{train}]
 """
 TIME = np.arange(400) * 0.013
 SWING = 20.0 * np.exp(-0.3 * TIME) * np.cos(9.0 * TIME) + 0.05 * np.random.default_rng(4).standard_normal(TIME.size)
+NEAR = '{ file = "a.csv", samples = [0, 190] }, { file = "a.csv", samples = [200, 400] }'
+LONG = 20.0 * np.exp(-0.05 * TIME[-1] / 400 * np.arange(800)) * np.cos(0.117 * np.arange(800))
+LONG += 0.05 * np.random.default_rng(5).standard_normal(LONG.size)
 AGAIN = np.where(TIME < 200 * 0.013, TIME, TIME - 150 * 0.013)  # the clock begins anew
 
 
 @pytest.mark.parametrize(
     ("time", "train", "differ"),
     [
-        (TIME, '{ file = "a.csv", samples = [0, 190] }, { file = "a.csv", samples = [200, 400] }', False),
+        (TIME, NEAR, False),
+        (TIME, '{ file = "a.csv", samples = [200, 400] }, { file = "a.csv", samples = [0, 210] }', False),
+        (TIME + 60.0 * (TIME[200] <= TIME), NEAR, True),
         (TIME, '{ file = "a.csv", where = { run = 1 } }, { file = "a.csv", where = { run = 2 } }', True),
         (TIME, '{ file = "a.csv", samples = [0, 190] }, { file = "b.csv", samples = [200, 400] }', True),
-        (AGAIN, '{ file = "a.csv", samples = [0, 190] }, { file = "a.csv", samples = [200, 400] }', True),
+        (AGAIN, NEAR, True),
     ],
 )
 def test_a_zero_differs_between_recordings_and_not_between_parts_of_one(
@@ -51,3 +56,12 @@ def test_a_zero_differs_between_recordings_and_not_between_parts_of_one(
     offered = candidates(declared_model(parts[0]), "m", **course(parts))
     assert ("recording_offset" in offered) is differ
     assert "angle_offset" in offered
+
+
+@pytest.mark.parametrize(("later", "differ"), [("[200, 400]", False), ("[385, 400]", True)])
+def test_without_times_parts_go_on_where_few_rows_lie_between(tmp_path: Path, *, later: str, differ: bool) -> None:
+    np.savetxt(tmp_path / "a.csv", LONG, "%.6f", header="x", comments="")
+    train = f'{{ file = "a.csv", samples = [0, 190] }}, {{ file = "a.csv", samples = {later.replace("400", "500")} }}'
+    text = RIG.format(train=train).replace('{ name = "t", unit = "s" }', "{ rate_hz = 77.0 }")
+    (tmp_path / "rig.toml").write_text(text)
+    assert course(load_dataset(tmp_path / "rig.toml").train)["several"] is differ

@@ -39,4 +39,16 @@ def test_a_recording_that_hides_its_noise_is_doubted(tmp_path: Path, *, less: fl
     if told:
         assert flags[0].severity == "doubt"
         assert flags[0].numbers["sd"] == pytest.approx(0.1e-3 / less, rel=0.1)  # m
-        assert "in 'a'. One sensor reads both" in flags[0].sentence
+        assert "in 'a', of one sensor" in flags[0].sentence
+
+
+def test_a_fast_recording_that_is_averaged_is_not_told_to_hide_its_noise(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    for name, noise, time in (("a", 0.1, np.arange(600) * 0.011), ("b", 0.025, np.arange(66_000) * 1e-4)):
+        read = 20.0 * np.exp(-0.3 * time) * np.cos(9.0 * time) + noise * rng.standard_normal(time.size)
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([time, read]), "%.7f", ",", header="t,x", comments="")
+    (tmp_path / "rig.toml").write_text(RIG.format(noise=""))
+    slow, fast = (e.recording for e in load_dataset(tmp_path / "rig.toml").train)
+    assert "averaged" in [f.code for f in fast.flags]
+    assert fast.noise[0] < 0.1 * slow.noise[0]
+    assert "noise_uneven" not in [f.code for f in (*slow.flags, *fast.flags)]

@@ -130,6 +130,7 @@ def burst(fitted: Fit) -> Caution | None:
                 begin, end = _shortest(time, part, share * whole)
                 if end - begin <= short * float(time[-1] - time[0]):
                     about = {"input_jumps": _input_jumps(e, begin, end), "begins": bool(begin <= time[:_FIRST][-1])}
+                    about["at_rest"] = e.recording.at_rest
                     found.append((share, whole, e.recording.name, {"start": begin, "stop": end, **about}))
     if not found:
         return None

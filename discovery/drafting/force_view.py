@@ -29,11 +29,14 @@ def is_seen_as_force(found: Signals) -> bool:
     return _FORCE_OF.get(given or "") == si_symbol(found.output.unit)
 
 
-def view(recordings: Sequence[Signals]) -> Iterator[str]:
-    """Yield the lines of a table [view]; the cutoffs are multiples of the frequency of the fastest motion."""
+def view(recordings: Sequence[Signals], *, third: bool) -> Iterator[str]:
+    """Yield the lines of a table [view]; the cutoffs are multiples of the frequency of the fastest motion.
+
+    `third`: whether the last third of each recording is held out.
+    """
     frequency, rate = max(map(_frequency, recordings)), 1.0 / median_step(recordings[0].seconds)
     # Of a short recording at a low rate as much is taken as leaves readings enough.
-    least = max(cutoff_for(FEWEST, float(np.ptp(r.seconds))) for r in recordings)
+    least = max(cutoff_for(FEWEST + 1, float(np.ptp(r.seconds)), third=third) for r in recordings)
     cutoff = min(max(min(_MULTIPLES * frequency, _LARGEST / _WIDER * rate), least), _LARGEST * rate)
     yield "[view]"
     yield 'output = "force"   # the motion is imposed, and the force that it takes is compared'

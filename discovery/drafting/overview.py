@@ -155,7 +155,7 @@ def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str
         yield _base(dataset, columns.input.name)
     yield from (f"to fill in: {rig['file']}, {place}" for place in rig["to_fill_in"])
     if not dataset.holdout:
-        yield "holdout: none is named, so the part of each that is not fitted judges; another release judges better"
+        yield "holdout: none is named, so the part of each that is not fitted judges; another recording judges better"
 
 
 def _base(dataset: Dataset, name: str) -> str:

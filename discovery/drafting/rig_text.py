@@ -104,7 +104,7 @@ def drafted(
         if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
             found = replace(found, output=replace(found.output, unit=angle_unit(found.output.values)))
         unused = unused_words(found, [role for role, name in (chosen or {}).items() if name is not None])
-        lines = _system([found, *others], guess, unused)
+        lines = _system([found, *others], guess, unused, third=not held)
         if len(fitted) == 1 and found.time is not None:
             rows = trial_rows(found)
         rests = [each.path for each in (found, *others) if begins_at_rest(each)]
@@ -161,7 +161,7 @@ def _arm(path: Path) -> Iterator[str]:
     yield "# angle_noise_rad = 7e-5          # half a step of the encoder"
 
 
-def _system(recordings: Sequence[Signals], guess: Guess, unused: str) -> Iterator[str]:
+def _system(recordings: Sequence[Signals], guess: Guess, unused: str, *, third: bool) -> Iterator[str]:
     found = recordings[0]
     yield from _top(found.path)
     yield f"kind = {quoted_text(guess.kind)}" + (f"   # guessed: {guess.why}" if guess.why else "")
@@ -189,7 +189,7 @@ def _system(recordings: Sequence[Signals], guess: Guess, unused: str) -> Iterato
     if KINDS[guess.kind].shaken and found.input is not None and is_one_line(found.input.unit, found.output.unit):
         yield from _base(found, found.input)
     if is_seen_as_force(found):
-        yield from ("", *view(recordings))
+        yield from ("", *view(recordings, third=third))
     declared = [*KINDS[guess.kind].declared, *([] if zero is None else [_OFF])]
     if declared or not own:
         yield ""

@@ -112,7 +112,8 @@ def _read(part: RecordPart, rig: Rig) -> Recording:
     read = read_recording(path, rig, part.samples, where=part.where, name=part.name)
     declared = {} if rig.system is None else rig.system.constants
     own = [Flag("own_constant", n, declared[n].unit, {"value": value}) for n, value in part.constants]
-    return replace(read, at_rest=part.at_rest, constants=part.constants, where=part.where, flags=(*read.flags, *own))
+    known = {key: getattr(part, key) for key in ("at_rest", "constants", "where", "samples")}
+    return replace(read, **known, flags=(*read.flags, *own))
 
 
 def load_dataset(
@@ -171,8 +172,8 @@ def load_dataset(
     found = {role: [recording for _, recording in listed] for role, listed in read.items()}
     _refuse_twins(found)
     _distinguish(found, parts)
+    found = with_uneven_noise(rig, found)
     found = _doubted(rig, {role: [averaged_down(r, rig) for r in listed] for role, listed in found.items()})
-    found["train"] = with_uneven_noise(rig, found["train"])
     to_fit, found["holdout"] = _to_fit(rig, found, keep_third=keep_third)
     dataset = Dataset(
         rig,

@@ -165,9 +165,9 @@ CODES: dict[str, Words] = {
     ),
     "noise_uneven": (
         "doubt",
-        "Readings of {column!r} scatter by {sd:unit} here and by {larger:unit} in {other!r}. One sensor reads both: "
-        "held or smoothed readings hide their noise, and count far too much. State the noise of that column in the "
-        "rig file.",
+        "The noise of {column!r} is {sd:unit} here by its readings, and {larger:unit} in {other!r}, of one sensor. "
+        "Where readings are held or smoothed they hide it, and count far too much: state the noise of that column in "
+        "the rig file.",
     ),
     "alike_kept": (
         "doubt",
@@ -182,8 +182,8 @@ CODES: dict[str, Words] = {
     ),
     "force_thinned": (
         "note",
-        "{kept} of {count} readings of the force are compared: two a period of {cutoff:.3g} Hz, the cutoff of the "
-        "force, and none within three periods of an end, where the low-pass settles.",
+        "{kept} of {count} readings of the force are compared: one in {every}, and none within three periods of "
+        "{cutoff:.3g} Hz, its cutoff, of an end.",
     ),
     "own_constant": ("note", "its {column} is {value:unit}, as the rig file says of it alone."),
     "at_rest": (

@@ -42,7 +42,8 @@ def viewed(rig: Rig, found: Signals, noise: Sequence[float], flags: list[Flag]) 
             "with samples = [start, stop]."
         )
     used = force_samples(view, found.time, rate)
-    flags.append(Flag("force_thinned", numbers={"count": used.size, "kept": int(used.sum()), "cutoff": view.cutoff}))
+    kept = {"count": used.size, "kept": int(used.sum()), "every": _every(view, rate), "cutoff": view.cutoff}
+    flags.append(Flag("force_thinned", numbers=kept))
     found.outputs["output"] = np.where(used, zero_phase(force, rate, view.cutoff), np.nan)
     return [noise_gain(rate, view.cutoff) * value for value in noise]
 
@@ -114,16 +115,23 @@ def force_samples(view: ForceView, time: FloatArray, rate: float) -> BoolArray:
 
     They are thinned as `view` says, and at least until their noise is white.
     """
-    every = max(view.decimation or 1, int(rate / (_SAMPLES_A_PERIOD * view.cutoff)))
     used = np.zeros(time.size, bool)
-    used[::every] = True
+    used[:: _every(view, rate)] = True
     settling = _SETTLING / view.cutoff
     return used & (time >= time[0] + settling) & (time <= time[-1] - settling)
 
 
-def cutoff_for(count: int, duration: float) -> float:
-    """Return the lowest cutoff [Hz] by which so many samples of a force are used, see `force_samples`."""
-    return (count / _SAMPLES_A_PERIOD + 2.0 * _SETTLING) / duration
+def _every(view: ForceView, rate: float) -> int:
+    return max(view.decimation or 1, int(rate / (_SAMPLES_A_PERIOD * view.cutoff)))
+
+
+def cutoff_for(count: int, duration: float, *, third: bool = False) -> float:
+    """Return the lowest cutoff [Hz] by which so many samples of a force are used, in its last `third` perhaps.
+
+    See `force_samples`; a third has one end.
+    """
+    part, ends = (3.0, 1.0) if third else (1.0, 2.0)
+    return part * (count / _SAMPLES_A_PERIOD + ends * _SETTLING) / duration
 
 
 def _sections(rate: float, cutoff: float) -> FloatArray:

@@ -219,10 +219,23 @@ def course(experiments: Sequence[Experiment]) -> dict[str, bool]:
 
 
 def _sessions(experiments: Sequence[Experiment]) -> int:
-    """Return how often it was recorded anew: parts of one file whose times go on are cut from one recording."""
-    read = sorted((e.recording for e in experiments), key=lambda r: (r.sha256, str(r.where), r.time[0]))
-    goes_on = [(a.sha256, a.where) == (b.sha256, b.where) and a.time[-1] < b.time[0] for a, b in pairwise(read)]
-    return len(read) - int(sum(goes_on))
+    """Return how often it was recorded anew: near parts of one file with the same constants are of one recording."""
+    parts = [e for e in experiments if e.recording.samples is not None]
+    parts.sort(key=lambda e: (e.recording.sha256, str(e.recording.where), e.recording.samples))
+    return len(experiments) - sum(_goes_on(a, b) for a, b in pairwise(parts))
+
+
+def _goes_on(before: Experiment, after: Experiment) -> bool:
+    """Return whether one part of a file begins where another ends, or soon: after no longer than the longer of them."""
+    a, b = before.recording, after.recording
+    if a.samples is None or b.samples is None or (a.sha256, a.where, a.constants) != (b.sha256, b.where, b.constants):
+        return False
+    gap, longest = b.samples[0] - a.samples[1], max(np.diff(a.samples)[0], np.diff(b.samples)[0])
+    # Without a column of times each part begins at zero.
+    if gap >= 0 and after.rig.columns.time.rate is None:
+        gap, longest = b.time[0] - a.time[-1], max(np.ptp(a.time), np.ptp(b.time))
+        return bool(0.0 < gap <= longest)
+    return bool(gap <= longest)
 
 
 def _ways(experiments: Sequence[Experiment]) -> list[tuple[FloatArray, float]] | None:

@@ -68,8 +68,8 @@ class Recording(RecordingViews):
         Whether nothing moves at the first reading, as the rig file says.
     constants : tuple of (str, float)
         Those of a declared system that are others here [SI].
-    where : tuple of (str, str or float)
-        By which columns its rows were chosen.
+    where, samples : tuple of (str, str or float), tuple of (int, int) or None
+        By which its rows were chosen: the values of columns, and the first row and the one after the last.
 
     Examples
     --------
@@ -105,6 +105,7 @@ class Recording(RecordingViews):
     at_rest: bool = False
     constants: tuple[tuple[str, float], ...] = ()
     where: tuple[tuple[str, str | float], ...] = ()
+    samples: tuple[int, int] | None = None
 
     @cached_property
     def scatter(self) -> FloatArray:

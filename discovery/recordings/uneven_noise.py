@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,18 +15,20 @@ from discovery.rigs.rig import Rig
 _UNEVEN = 10.0
 
 
-def with_uneven_noise(rig: Rig, recordings: Sequence[Recording]) -> list[Recording]:
-    """Return recordings that are fitted together, with a flag on each whose estimated noise is far below another's."""
-    if rig.view or rig.traits.has_rod or not all(r.noise_estimated for r in recordings):
-        return list(recordings)
-    noise = np.array([r.noise for r in recordings])
-    largest, found = np.argmax(noise, axis=0), []
-    for r, own in zip(recordings, noise, strict=True):
+def with_uneven_noise(rig: Rig, found: Mapping[str, list[Recording]]) -> dict[str, list[Recording]]:
+    """Return the recordings of each role, with a flag on each whose estimated noise is far below another's."""
+    every = [r for listed in found.values() for r in listed]
+    if rig.view or rig.traits.has_rod or not all(r.noise_estimated for r in every):
+        return dict(found)
+    largest = [every[most] for most in np.argmax([r.noise for r in every], axis=0)]
+
+    def flagged(r: Recording) -> Recording:
         flags = list(r.flags)
-        for name, column, sd, most in zip(r.channels, rig.columns.read.values(), own, largest, strict=True):
-            other = recordings[most]
-            if _UNEVEN * sd < (larger := float(other.noise[r.channels.index(name)])):
-                numbers = {"sd": float(sd), "larger": larger, "other": other.name}
+        for i, (column, other) in enumerate(zip(rig.columns.read.values(), largest, strict=True)):
+            own, most = float(r.noise[i]), float(other.noise[i])
+            if _UNEVEN * own < most:
+                numbers = {"sd": own, "larger": most, "other": other.name}
                 flags.append(Flag("noise_uneven", column.name, column.unit, numbers))
-        found.append(replace(r, flags=tuple(flags)))
-    return found
+        return replace(r, flags=tuple(flags))
+
+    return {role: [flagged(r) for r in listed] for role, listed in found.items()}

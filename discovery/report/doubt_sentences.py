@@ -112,10 +112,10 @@ def _burst(found: Record) -> str:
     part = "half" if found["numbers"]["share"] >= 0.5 else "a quarter"
     asked = "was it pushed there, did it hit something, or did readings jump?"
     if found["numbers"].get("begins"):
-        when, asked = (
-            f"{when}, where it begins",
-            "was it still held or pushed? Then let it begin later (samples in the rig file)",
-        )
+        when = f"{when}, where it begins"
+        asked = "was it still held or pushed? Then let it begin later (samples in the rig file)"
+        if found["numbers"].get("at_rest"):
+            asked = "did it rest there, as at_rest in the rig file says? Else leave that out"
     if found["numbers"].get("input_jumps"):
         when, asked = f"{when}, where its input jumps", "does that act late, or slower than the model says?"
     return f"{part} of what is left of {found['about']} lies {when}: {asked}"
@@ -192,8 +192,8 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     ),
     "no_gain": lambda found: (
         f"the gain of the input is not told from zero, {found['about']} = "
-        f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: the model moves as if there were "
-        "no input. Is it the right column? Where a machine imposes the motion, the force answers it ([view])"
+        f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: the recordings are explained "
+        "as well without an input. Is it the right column, with the right unit and clock?"
     ),
     "lost_gain": lambda found: (
         f"with what was added the gain of the input is not told from zero any more, {found['about']} = {_told(found)}: "

@@ -177,6 +177,11 @@ def _held_out(numbers: Record) -> str:
     return f"the log evidence {_change(numbers['train'])} nats in training, {missed} on the held-out recordings{alone}"
 
 
+def _is_free(numbers: Record) -> bool:
+    """Return whether a model error is expected to move a residual by more than its size in the direction of a law."""
+    return bool(2.0 * numbers.get("against_error", math.inf) < numbers["size"] ** 2)
+
+
 def _laplace(numbers: Record) -> str:
     k = numbers.get("pareto_k", math.inf)
     told = f"their largest weights have Pareto k = {plain(k, 2)}" if LARGEST_K < k < math.inf else "few count"
@@ -209,7 +214,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     ),
     "size": lambda numbers: (
         f"the prediction moves by {plain(numbers['size'], 2)} times the model error that is left, "
-        f"{'which may look the same' if numbers['size'] < 1.0 else 'as laws so free may that only imitate it'}"
+        + ("and more is asked of a law that can imitate others" if _is_free(numbers) else "which may look the same")
     ),
     "finite": lambda _: "the motion blows up",
     "predicts_worse": lambda _: "after its last fit the set predicts worse than the declared model",

@@ -12,16 +12,20 @@ from discovery.selection.verdict import Named
 def leads(search: Search, found: Mapping[str, Named]) -> tuple[Decision | None, Decision | None]:
     """Return the strongest lead and, where that is a force of no law, the strongest law; None where there is none.
 
-    What serves as well as an effect that is named (`found`) is told with that.
+    A force, whose size is not weighed, leads where the strongest law does not explain as much. What serves as well as
+    an effect that is named (`found`) is told with that.
     """
-    left, made = _refused(search, found)
+    left, made, nats = *_refused(search, found), search.context.settings.nats
+    force = next((d for i, d in left.items() if d.code == "unknown" and i > made and d.numbers["odds"] > 0), None)
     laws = {i: d for i, d in left.items() if d.code != "unknown"}
-    # A force of no law, whose size is not weighed, leads where no law explains as much.
-    gained = {i: d.numbers["train"] + min(d.numbers["held"], 0.0) for i, d in left.items() if i > made}
-    most = max((gained[i] for i in laws if i in gained), default=0.0)
-    left = {i: d for i, d in left.items() if i in laws or i not in gained or gained[i] >= most}
-    lead, law = (_strongest(of, made, search.context.settings.nats) for of in (left, laws))
-    return lead, None if lead is law else law
+    law = _strongest(laws if force is None else {i: d for i, d in laws.items() if i > made}, made, nats)
+    if force is None or (law is not None and _gained(law) >= _gained(force)):
+        return law, None
+    return force, law
+
+
+def _gained(decision: Decision) -> float:
+    return decision.numbers["train"] + min(decision.numbers["held"], 0.0)
 
 
 def _refused(search: Search, found: Mapping[str, Named]) -> tuple[dict[int, Decision], int]:
