@@ -279,6 +279,11 @@ def test_the_radius_of_the_exact_arm_has_these_terms_already() -> None:
     assert {"radius_quartic", "radius_tension"} <= set(candidates(Model("constant_radius", LINEAR)))
 
 
+@pytest.mark.parametrize("clamp", ["base_compliance", "base_backlash", "base_hysteresis"])
+def test_a_clamp_imitates_a_rod_that_is_not_uniform(clamp):
+    assert get_effect(clamp).imitates({}, 0.1, 10.0, 0.01, 1.0, 1.0) is True
+
+
 # A periodic force.
 
 

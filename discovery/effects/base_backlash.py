@@ -30,6 +30,11 @@ class BaseBacklash(Joint):
         starts=(0.04, 0.08), shape=True, latex="b_p",
     )  # fmt: skip
 
+    @classmethod
+    def imitates(cls, values, time, duration, step, reach, passes):
+        """Return that it shortens the radius as any rod does that is not uniform: no clamp and no rod is ideal."""
+        return True
+
     def expression(self):
         """Return p."""
         return self.w_p * root / sp.sqrt(sp.sqrt(root**4 + self.b_p**4)) + 3 * self.c_p * root

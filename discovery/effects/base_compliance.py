@@ -22,6 +22,11 @@ class BaseCompliance(Shape):
         starts=(0.01, 0.1), latex="c_b",
     )  # fmt: skip
 
+    @classmethod
+    def imitates(cls, values, time, duration, step, reach, passes):
+        """Return that it shortens the radius as any rod does that is not uniform: no clamp and no rod is ideal."""
+        return True
+
     def root_turn(self):
         """Return the turn of the root per curvature."""
         return self.c_b

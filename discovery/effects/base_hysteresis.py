@@ -42,6 +42,11 @@ class BaseHysteresis(Joint):
         latex="v_d",
     )  # fmt: skip
 
+    @classmethod
+    def imitates(cls, values, time, duration, step, reach, passes):
+        """Return that it shortens the radius as any rod does that is not uniform: no clamp and no rod is ideal."""
+        return True
+
     def states(self):
         """Return the friction over its largest value, with its rate."""
         way = root_dot / sp.sqrt(root_dot**2 + self.v_d**2)
