@@ -70,7 +70,8 @@ class Caution:
     #: `scatter` about the mean, and `beyond`, whether all of it moves farther than training, and where it is
     #: about a parameter `undetermined`, see `diagnosis.undetermined`: its `value`, `sd` and `unit`, whether it is a
     #: `constant` that a rig file may state, by how many `sds` it would move, which part of the error is `left` then; of
-    #: a burst `start`, `stop` [s], `share` of what is left and `input_jumps`, whether the input does; of stamps their
+    #: a burst `start`, `stop` [s], `share` of what is left, whether the input does
+    #: (`input_jumps`), the recording `begins` there, and is said to rest then (`at_rest`); of stamps their
     #: rms `deviation` from a clock of a `step` [s], and the `share` that this explains of what is left; of what is like
     #: noise `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training
     #: (`train`) and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise
