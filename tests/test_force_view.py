@@ -55,18 +55,21 @@ def test_a_cutoff_leaves_as_many_samples_as_it_is_asked_for(count, duration, *, 
     assert count - 1 <= found <= 1.1 * count + 1
 
 
-VIEW = """name = "d"
+def force_rig(cutoff: float, motion_cutoff: float, more: str = "") -> str:
+    return f"""
+name = "carriage"
 kind = "drive"
 [columns]
-time = { name = "t", unit = "s" }
-input = { name = "q", unit = "m" }
-output = { name = "f", unit = "N" }
+time = {{ name = "t", unit = "s" }}
+input = {{ name = "q", unit = "m" }}
+output = {{ name = "f", unit = "N" }}
 [model]
 effects = ["viscous_damping"]
 [view]
 output = "force"
-motion_cutoff_hz = CUTOFF
-cutoff_hz = CUTOFF
+motion_cutoff_hz = {motion_cutoff}
+cutoff_hz = {cutoff}
+{more}
 """
 
 
@@ -76,12 +79,12 @@ def test_what_is_compared_of_a_force_is_told_and_too_little_has_a_remedy_that_wo
     record(tmp_path / "r.csv", T[:2000:every])
     record(tmp_path / "h.csv", T[:15000:every])
     given = {"train": [tmp_path / "r.csv"], "holdout": [tmp_path / "h.csv"] if held else []}
-    (tmp_path / "rig.toml").write_text(VIEW.replace("CUTOFF", "6.0"))
+    (tmp_path / "rig.toml").write_text(force_rig(6.0, 6.0))
     with pytest.raises(InputError, match=r"raise cutoff_hz from 6 to (\d+) Hz") as refused:
         load_dataset(tmp_path / "rig.toml", **given)
     enough = re.search(r"from 6 to (\d+) Hz", str(refused.value))
     assert enough is not None
-    (tmp_path / "rig.toml").write_text(VIEW.replace("CUTOFF", enough[1]))
+    (tmp_path / "rig.toml").write_text(force_rig(float(enough[1]), float(enough[1])))
     (e,) = load_dataset(tmp_path / "rig.toml", **given).train
     (told,) = (f for f in e.recording.flags if f.code == "force_thinned")
     assert (told.numbers["count"], told.severity) == (2000 // every, "note")
@@ -90,11 +93,11 @@ def test_what_is_compared_of_a_force_is_told_and_too_little_has_a_remedy_that_wo
 
 @pytest.mark.parametrize(
     ("more", "every", "remedy"),
-    [("decimation = 100\n", 1, "lower decimation"), ("", 50, "sample it more often")],
+    [("decimation = 100", 1, "lower decimation"), ("", 50, "sample it more often")],
 )
 def test_where_no_cutoff_is_enough_another_remedy_is_told(tmp_path, more, every, remedy):
     record(tmp_path / "r.csv", T[:3000:every])
-    (tmp_path / "rig.toml").write_text(VIEW.replace("CUTOFF", "6.0") + more)
+    (tmp_path / "rig.toml").write_text(force_rig(6.0, 6.0, more))
     with pytest.raises(InputError, match=remedy) as refused:
         load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"])
     assert "raise cutoff_hz" not in str(refused.value)
@@ -214,32 +217,16 @@ def test_what_is_added_to_the_command_moves_the_reference(tmp_path):
     np.testing.assert_allclose(without.input, q, atol=1e-12)
 
 
-FRICTION = """
-name = "carriage"
-kind = "drive"
-[columns]
-time = { name = "t", unit = "s" }
-input = { name = "x", unit = "m" }
-output = { name = "F", unit = "N" }
-[view]
-output = "force"
-motion_cutoff_hz = 20.0
-cutoff_hz = 10.0
-[model]
-effects = ["viscous_damping"]
-"""
-
-
 @pytest.mark.slow
 def test_a_force_that_is_read_is_told_as_one(tmp_path):
     rng, time = np.random.default_rng(2), np.arange(0.0, 12.0, 0.01)
-    (tmp_path / "rig.toml").write_text(FRICTION)
+    (tmp_path / "rig.toml").write_text(force_rig(10.0, 20.0))
     for name, turns in (("a", (2.0, 3.1)), ("h", (1.4, 3.7))):
         x, speed, acceleration = (
             sum(0.2 * w**k * np.sin(w * time + 0.5 * np.pi * k) for w in turns) for k in range(3)
         )  # fmt: skip
         force = 70.0 * acceleration + 40.0 * speed + 13.0 * np.sign(speed) + rng.standard_normal(time.size)
-        pd.DataFrame({"t": time, "x": x, "F": force}).to_csv(tmp_path / f"{name}.csv", index=False)
+        pd.DataFrame({"t": time, "q": x, "f": force}).to_csv(tmp_path / f"{name}.csv", index=False)
     found = close_loop(load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv"], [tmp_path / "h.csv"]))
     (effect,) = found.summary()["effects"]
     friction = effect["parameters"]["f_c"]

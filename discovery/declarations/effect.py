@@ -92,11 +92,11 @@ class Effect(ABC):
     called: ClassVar[str] = ""  #: Words for it where those of its id mislead.
     #: True for a law so pliable that it may imitate others: it is tried last, see also `imitates`.
     pliable: ClassVar[bool] = False
+    imitative: ClassVar[bool] = False  #: True for a law that does at any values what others do, see `imitates`.
     reduces_to: ClassVar[frozenset[str]] = frozenset()  #: Ids of effects that it is where an amplitude vanishes.
     #: Quantity of an arm's rig file of which a relative error reads as the effect's only parameter does, if any.
     stands_for: ClassVar[str] = ""
-    #: True for a law of an angle: it has no meaning on a coordinate in another unit than radians.
-    angular: ClassVar[bool] = False
+    angular: ClassVar[bool] = False  #: True for a law of an angle: it has no meaning in another unit than radians.
     pictured: ClassVar[bool] = False  #: True for a fault of a picture: no camera reads a rate or a force.
     #: True for a law of the distance from a place of rest: it has no meaning on a body that is tied to none.
     anchored: ClassVar[bool] = False
@@ -134,7 +134,7 @@ class Effect(ABC):
 
         Given are natural time, longest duration, step between readings [s], half of the way [q], and its `passes`.
         """
-        return cls.pliable
+        return cls.pliable or cls.imitative
 
     @classmethod
     def turned(cls, amplitudes: FloatArray, own: float) -> FloatArray:

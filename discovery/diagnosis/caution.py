@@ -70,9 +70,9 @@ class Caution:
     #: `scatter` about the mean, and `beyond`, whether all of it moves farther than training, and where it is
     #: about a parameter `undetermined`, see `diagnosis.undetermined`: its `value`, `sd` and `unit`, whether it is a
     #: `constant` that a rig file may state, by how many `sds` it would move, which part of the error is `left` then; of
-    #: a burst `start`, `stop` [s], `share` of what is left, whether the input does
-    #: (`input_jumps`), the recording `begins` there, and is said to rest then (`at_rest`); of stamps their
-    #: rms `deviation` from a clock of a `step` [s], and the `share` that this explains of what is left; of what is like
+    #: a burst `start`, `stop` [s], `share` of what is left, whether the input jumps there (`input_jumps`), and whether
+    #: the recording `begins` there and is said to rest then (`at_rest`); of stamps their rms `deviation` from a clock
+    #: of a `step` [s], and the `share` that this explains of what is left; of what is like
     #: noise `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training
     #: (`train`) and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise
     #: is `estimated`, the `memory` of the errors (see `estimation.residual.memory`), whether it counts as none
@@ -130,13 +130,13 @@ def burst(fitted: Fit) -> Caution | None:
             for share, short in _SHORT.items():
                 begin, end = _shortest(time, part, share * whole)
                 if end - begin <= short * float(time[-1] - time[0]):
-                    about = {"input_jumps": _input_jumps(e, begin, end), "begins": bool(begin <= time[:_FIRST][-1])}
-                    about["at_rest"] = e.recording.at_rest
-                    found.append((share, whole, e.recording.name, {"start": begin, "stop": end, **about}))
+                    numbers = {"share": share, "start": begin, "stop": end, "input_jumps": _input_jumps(e, begin, end)}
+                    numbers |= {"begins": bool(begin <= time[:_FIRST][-1]), "at_rest": e.recording.at_rest}
+                    found.append((share, whole, e.recording.name, numbers))
     if not found:
         return None
-    share, _, name, numbers = max(found, key=lambda f: f[:2])
-    return Caution("burst", name, numbers={"share": share, **numbers})
+    *_, name, numbers = max(found, key=lambda f: f[:2])
+    return Caution("burst", name, numbers=numbers)
 
 
 def _input_jumps(experiment: Experiment, begin: float, end: float) -> bool:

@@ -18,6 +18,7 @@ class BaseBacklash(Joint):
     made smooth within a small bending b_p.
     """
 
+    imitative = True  # a rod that is not uniform shortens the radius alike
     reduces_to = frozenset({"base_compliance"})
     cite = "Nordin and Gutman, Automatica 38 (2002) 1633"
     w_p = Parameter("q", "half width of the play", (0.0, 0.3), HalfStudent(0.04), starts=(0.002, 0.01), latex="w_p")
@@ -29,11 +30,6 @@ class BaseBacklash(Joint):
         "q", "bending within which the play is crossed", (0.002, 0.1), LogNormal(0.04, 1.0), default=0.05,
         starts=(0.04, 0.08), shape=True, latex="b_p",
     )  # fmt: skip
-
-    @classmethod
-    def imitates(cls, values, time, duration, step, reach, passes):
-        """Return that it shortens the radius as any rod does that is not uniform: no clamp and no rod is ideal."""
-        return True
 
     def expression(self):
         """Return p."""

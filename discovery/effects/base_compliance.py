@@ -16,16 +16,12 @@ class BaseCompliance(Shape):
     1 / (1 + 3 c_b) of the deflection bends the rod and shortens the radius, the rest turns it as a whole.
     """
 
+    imitative = True  # a rod that is not uniform shortens the radius alike
     cite = "Batista, Large deflections and stability of spring-hinged cantilever beam (2018), arXiv:1812.09164"
     c_b = Parameter(
         "1", "compliance of the clamp over l / EI of the rod", (0.0, 2.0), HalfStudent(0.1),
         starts=(0.01, 0.1), latex="c_b",
     )  # fmt: skip
-
-    @classmethod
-    def imitates(cls, values, time, duration, step, reach, passes):
-        """Return that it shortens the radius as any rod does that is not uniform: no clamp and no rod is ideal."""
-        return True
 
     def root_turn(self):
         """Return the turn of the root per curvature."""

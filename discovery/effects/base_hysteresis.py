@@ -26,6 +26,7 @@ class BaseHysteresis(Joint):
     c_c = EI / (k l (1 + h)), e_c = h c_c and w_c = k a (1 + h) l / 3 EI.
     """
 
+    imitative = True  # a rod that is not uniform shortens the radius alike
     reduces_to = frozenset({"base_compliance"})
     cite = "Wen, Journal of the Engineering Mechanics Division 102 (1976) 249; Ibrahim and Pettit (2005)"
     c_c = Parameter(
@@ -41,11 +42,6 @@ class BaseHysteresis(Joint):
         "s^-1 q", "rate at a turning point", (1e-3, 0.1), LogNormal(0.02, 1.0), default=0.02, shape=True, fixed=True,
         latex="v_d",
     )  # fmt: skip
-
-    @classmethod
-    def imitates(cls, values, time, duration, step, reach, passes):
-        """Return that it shortens the radius as any rod does that is not uniform: no clamp and no rod is ideal."""
-        return True
 
     def states(self):
         """Return the friction over its largest value, with its rate."""

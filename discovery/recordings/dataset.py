@@ -246,10 +246,10 @@ def _doubted(rig: Rig, found: dict[str, list[Recording]]) -> dict[str, list[Reco
 
 def _refuse_twins(found: dict[str, list[Recording]]) -> None:
     """Refuse the same samples of the same file twice: a hold-out that was fitted judges nothing."""
-    seen: dict[tuple[str, str], str] = {}
+    seen: dict[object, str] = {}
     for role, listed in found.items():
         for r in listed:
-            key = (r.sha256, r.source.rpartition("[")[2] if r.source.endswith("]") else "")
+            key = r.sha256, r.where, r.samples
             if key in seen:
                 raise InputError(
                     f"{r.source} is given twice, as {seen[key]} and as {role}: its samples would count twice, or judge "

@@ -8,6 +8,7 @@ import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.errors import InputError
+from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import gaps, mean_rate, median_step
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
@@ -132,6 +133,17 @@ def cutoff_for(count: int, duration: float, *, third: bool = False) -> float:
     """
     part, ends = (3.0, 1.0) if third else (1.0, 2.0)
     return part * (count / _SAMPLES_A_PERIOD + ends * _SETTLING) / duration
+
+
+def more_of_force(view: ForceView, time: FloatArray, count: int, *, third: bool) -> str:
+    """Return how a force would be compared at so many times at least, see `cutoff_for`."""
+    rate, enough = mean_rate(time), cutoff_for(count + 1, float(np.ptp(time)), third=third)
+    if enough > 0.5 * rate:
+        return "sample it more often"
+    if view.decimation and view.decimation > rate / (_SAMPLES_A_PERIOD * max(enough, view.cutoff)):
+        return "lower decimation in [view], or leave it out"
+    to = f"from {view.cutoff:g} to {figures(enough, 2)} Hz in [view], and motion_cutoff_hz to as much at least"
+    return f"raise cutoff_hz {to}: two readings a period of it count, and none within three periods of an end"
 
 
 def _sections(rate: float, cutoff: float) -> FloatArray:

@@ -220,9 +220,8 @@ def course(experiments: Sequence[Experiment]) -> dict[str, bool]:
 
 def _sessions(experiments: Sequence[Experiment]) -> int:
     """Return how often it was recorded anew: near parts of one file with the same constants are of one recording."""
-    parts = [e for e in experiments if e.recording.samples is not None]
-    parts.sort(key=lambda e: (e.recording.sha256, str(e.recording.where), e.recording.samples))
-    return len(experiments) - sum(_goes_on(a, b) for a, b in pairwise(parts))
+    parts = sorted(experiments, key=lambda e: (e.recording.sha256, str(e.recording.where), e.recording.samples or ()))
+    return len(parts) - sum(_goes_on(a, b) for a, b in pairwise(parts))
 
 
 def _goes_on(before: Experiment, after: Experiment) -> bool:

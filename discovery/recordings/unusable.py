@@ -12,15 +12,12 @@ from discovery.declarations.effect import Effect, Load, Potential
 from discovery.declarations.registry import get_effect
 from discovery.declarations.symbols import delta, delta_dot, omega, t, theta, v_x, x, x_g
 from discovery.declarations.units import quoted, si_factor
-from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.foundation.arrays import BoolArray
 from discovery.foundation.errors import InputError
-from discovery.foundation.estimate_text import figures
-from discovery.foundation.sampling import mean_rate
 from discovery.mechanics import get_base
 from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, largest_deflection
-from discovery.recordings.force_view import cutoff_for
-from discovery.rigs.rig import ForceView
+from discovery.recordings.force_view import more_of_force
 
 #: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
 FEWEST = 30
@@ -82,7 +79,7 @@ def _too_few(experiment: Experiment, name: str, part: BoolArray, fewest: int, di
     ways = ["give a recording without so long a gap"] if gaps else [longer, "sample it more often"]
     if view is not None:
         # Of the force few readings are used, and none near its ends.
-        ways = [longer, *_more_of_force(view, r.time, fewest, third=divided is not None)]
+        ways = [longer, more_of_force(view, r.time, fewest, third=divided is not None)]
     if divided is not None:
         ways.append("name another recording to be held out, with --holdout or in [records] of the rig file")
     remedy, of = ", or ".join(ways), "" if divided is None else f", of {divided} in all"
@@ -90,17 +87,6 @@ def _too_few(experiment: Experiment, name: str, part: BoolArray, fewest: int, di
         f"{r.source}: its {name} part has {int(part.sum())} samples with an output{of}, and at least {fewest} are "
         f"needed. {remedy[0].upper()}{remedy[1:]}."
     )
-
-
-def _more_of_force(view: ForceView, time: FloatArray, fewest: int, *, third: bool) -> list[str]:
-    """Return how more of a force would be compared, where that is enough."""
-    rate, enough = mean_rate(time), cutoff_for(fewest + 1, float(np.ptp(time)), third=third)
-    if enough > 0.5 * rate:
-        return ["sample it more often"]
-    if view.decimation and view.decimation > rate / (2.0 * max(enough, view.cutoff)):
-        return ["lower decimation in [view], or leave it out"]
-    to = f"from {view.cutoff:g} to {figures(enough, 2)} Hz in [view], and motion_cutoff_hz to as much at least"
-    return [f"raise cutoff_hz {to}: two readings a period of it count, and none within three periods of an end"]
 
 
 def _refuse_unmoved(experiments: Sequence[Experiment]) -> None:

@@ -1,4 +1,4 @@
-"""What the sentences of a test against the rig file say."""
+"""The sentences on fitted values that contradict the rig file."""
 
 from __future__ import annotations
 

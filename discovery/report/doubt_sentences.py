@@ -23,11 +23,8 @@ def _value(found: Record) -> str:
     return f"{found['about']} = {figures(found['numbers']['value'])} {'' if unit == '1' else unit}".rstrip()
 
 
-def _told(found: Record) -> str:
-    """Return a gain, and what it was."""
-    n = found["numbers"]
-    after, before = (estimate_text(n[v], n[sd], n["unit"]) for v, sd in (("value", "sd"), ("before", "before_sd")))
-    return f"{after} ({before} before)"
+def _estimate(found: Record, value: str = "value", sd: str = "sd") -> str:
+    return estimate_text(*(found["numbers"][key] for key in (value, sd, "unit")))
 
 
 def _strayed(found: Record) -> str:
@@ -57,10 +54,9 @@ def _held_sign(found: Record) -> str:
 
 
 def _far_start(found: Record) -> str:
-    numbers = found["numbers"]
-    value = estimate_text(numbers["value"], numbers["sd"], numbers["unit"])
+    times = figures(found["numbers"]["times"], 2)
     return (
-        f"{found['about']} = {value}: what is not read begins {figures(numbers['times'], 2)} times as far off as the "
+        f"{found['about']} = {_estimate(found)}: what is not read begins {times} times as far off as the "
         "motion that is read explains, and its swing may stand for what the model lacks. If the recording begins at "
         "rest, say so: at_rest = true beside its file in [records]"
     )
@@ -188,17 +184,16 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     ),
     "untold": lambda found: (
         f"{effect_name(found['effect'])} serves, but none of its sizes lies 3 sds from zero, {found['about']} = "
-        f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: another law may do the same"
+        f"{_estimate(found)}: another law may do the same"
     ),
     "no_gain": lambda found: (
-        f"the gain of the input is not told from zero, {found['about']} = "
-        f"{estimate_text(*(found['numbers'][k] for k in ('value', 'sd', 'unit')))}: the recordings are explained "
-        "as well without an input. Is it the right column, with the right unit and clock?"
+        f"the gain of the input is not told from zero, {found['about']} = {_estimate(found)}: the "
+        "recordings are explained as well without an input. Is it the right column, with the right unit and clock?"
     ),
     "lost_gain": lambda found: (
-        f"with what was added the gain of the input is not told from zero any more, {found['about']} = {_told(found)}: "
-        "that does as the input does in these recordings, and predicts no other input. Record another input, or state "
-        "the gain"
+        f"with what was added the gain of the input is not told from zero any more, {found['about']} = "
+        f"{_estimate(found)} ({_estimate(found, 'before', 'before_sd')} before): that does as the input does in these "
+        "recordings, and predicts no other input. Record another input, or state the gain"
     ),
     "unfinished": lambda found: (
         f"the final fit stopped after {found['numbers']['iterations']} steps on its way to a minimum: its values and "
