@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_cli import call
 
-from discovery.drafting.law_of_motion import centre_of, is_relative, own_period
+from discovery.drafting.centre import centre_of
+from discovery.drafting.law_of_motion import is_relative, own_period
 from discovery.drafting.names import meaning_of
 from discovery.drafting.overview import overview
 from discovery.drafting.rig_text import draft
@@ -123,6 +124,15 @@ def test_a_spring_is_felt_and_its_absence_too() -> None:
     found = own_period(TIME, driven(30.0), HELD)
     assert found == pytest.approx(2.0 * np.pi / 30.0**0.5, rel=0.03)
     assert own_period(TIME, driven(0.0), HELD) is None
+
+
+def test_a_swing_is_timed_by_readings_that_are_few_and_late() -> None:
+    rng = np.random.default_rng(2)
+    shown = np.sort(rng.uniform(0.0, 20.0, 230))
+    # Each is up to a frame of 0.03 s older than its stamp.
+    when = shown - rng.uniform(0.0, 0.03, shown.size)
+    read = 15.0 * np.exp(-0.03 * when) * np.cos(2.0 * np.pi * when / 0.86) + 0.2 * rng.standard_normal(shown.size)
+    assert own_period(shown, read, None) == pytest.approx(0.86, rel=0.01)
 
 
 def test_a_spring_is_felt_where_the_place_of_rest_creeps() -> None:

@@ -74,6 +74,27 @@ def test_a_sensor_that_sticks_now_and_then_is_none():
     assert renewals(time, values) is None
 
 
+def test_frames_that_come_now_early_now_late_repeat_too():
+    # A camera is asked 30 times a second, and has a new frame after two or three of them, now and then after eight.
+    rng = np.random.default_rng(4)
+    lengths = np.append(rng.choice([1, 2, 3, 4], 230, p=[0.12, 0.4, 0.38, 0.1]), [8, 8, 8])
+    rng.shuffle(lengths)
+    begins = np.repeat(np.cumsum(lengths) - lengths, lengths)
+    time = np.arange(begins.size) / 30.0
+    values = (15.0 * np.exp(-0.02 * time) * np.cos(7.3 * time) + 0.1 * rng.standard_normal(time.size))[begins]
+    found = renewals(time, values)
+    assert found is not None
+    assert found.time is None  # no steady clock
+    assert found.fresh[np.unique(begins)].all()
+    # At a turn nobody knows whether it stood still.
+    assert np.count_nonzero(found.fresh) <= lengths.size + 8
+    # Where it has come to rest, an equal reading is one.
+    still = np.append(values, np.full(40, values[-1]))
+    found = renewals(np.arange(still.size) / 30.0, still)
+    assert found is not None
+    assert found.fresh[-40:].all()
+
+
 def written(folder: Path, own: float, more: str = "") -> Path:
     time, _, values = polled(own)
     columns = [np.round(1e6 * time), values, np.sin(3.0 * time)]

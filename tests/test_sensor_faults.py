@@ -169,6 +169,10 @@ def test_the_mean_that_creeps():
     assert drift(T, noisy(np.cos(6.0 * T)) + 0.2 * T / T[-1], NOISE) == pytest.approx(0.2, rel=0.03)
     assert drift(T, noisy(np.cos(6.0 * T)) + 0.01 * T / T[-1], NOISE) == 0.0
     assert drift(T[:3000], noisy(np.cos(6.0 * T) + T)[:3000], NOISE) == 0.0
+    # Stamps whose steps grow: what swings about one place by them does not by their numbers.
+    late = T[-1] * (T / T[-1]) ** 1.3
+    assert drift(late, noisy(np.cos(6.0 * late)), NOISE) == 0.0
+    assert drift(late, noisy(np.cos(6.0 * late)) + 0.2 * late / late[-1], NOISE) == pytest.approx(0.2, rel=0.05)
 
 
 def test_a_body_that_dry_friction_stops_off_its_middle_does_not_creep():

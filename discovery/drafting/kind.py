@@ -10,8 +10,9 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_symbol
+from discovery.drafting.centre import centre_of
 from discovery.drafting.force_view import is_seen_as_force
-from discovery.drafting.law_of_motion import centre_of, own_period, rates_of
+from discovery.drafting.law_of_motion import own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS

@@ -12,10 +12,11 @@ import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
 from discovery.declarations.units import si_factor, si_symbol
+from discovery.drafting.centre import centre_of
 from discovery.drafting.force_view import is_seen_as_force, other_way, view
 from discovery.drafting.guessed_units import angle_unit, said_of
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
-from discovery.drafting.law_of_motion import LOOKS, centre_of, is_one_line, is_relative
+from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.record_lines import DIFFERS, begins_at_rest, quoted_text, record_lines, trial_rows, unused_words
 from discovery.drafting.signals import Signal, Signals, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect

@@ -175,11 +175,13 @@ def drift(time: FloatArray, values: FloatArray, error: float, given: FloatArray 
 
     It is the change over the whole record of a straight line through means over four periods, or through the readings
     at the end that stand still; 0 if it is below a twentieth of the signal's standard deviation, or below three of its
-    own standard errors, or the record is shorter than four such windows. Times [s] are about equally spaced, `error` is
-    the standard deviation of a reading, `given` the input, which a slow motion follows. NaN are skipped.
+    own standard errors, or the record is shorter than four such windows. `error` is the standard deviation of a reading
+    at times [s], `given` the input, which a slow motion follows. NaN are skipped.
     """
     good = np.isfinite(values)
-    x = np.interp(time, time[good], values[good])
+    even = np.linspace(time[0], time[-1], time.size)
+    x = np.interp(even, time[good], values[good])
+    given = None if given is None else np.interp(even, time, given)
     spectrum = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size)))
     first = 2  # a creeping mean itself lies below
     peak = first + int(np.argmax(spectrum[first:]))
