@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discovery.estimation.declared import declared_model, first_fit
+from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
-from discovery.estimation.natural_units import natural_units
-from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
 
 RIG = """
@@ -65,22 +63,3 @@ def test_guesses_may_be_ten_times_off(record: Path, factors: tuple[float, float,
     found = fit(declared_model(data), data.train)
     assert found.reduced_chi2 < 1.2
     assert [found.values[n] for n in ("mass", "stiffness", "loss")] == pytest.approx([0.5, 80.0, 0.4], rel=0.01)
-
-
-def test_a_reading_without_a_slope_at_rest_is_refused_in_words(tmp_path: Path) -> None:
-    # The axis of an accelerometer along a pendulum's rod is even in its angle and rate.
-    text = RIG.replace('input = { force = "N" }\n', "").replace('forces = { x = "force" }\n', "")
-    text = text.replace('input = { name = "force", unit = "N" }\n', "").replace(
-        'output = "x"', 'output = "x^2 / reach"'
-    )
-    text = text.replace("[system.constants]", '[system.constants]\nreach = { value = 1.0, unit = "m" }')
-    for word in ("MASS", "STIFFNESS", "LOSS"):
-        text = text.replace(word, "1.0")
-    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
-    time = np.arange(600) / 100
-    x = 0.1 * np.exp(-0.1 * time) * np.cos(6 * time)
-    x = 1e3 * x**2 + np.random.default_rng(1).normal(0.0, 0.05, time.size)
-    np.savetxt(tmp_path / "free.csv", np.column_stack([time, x]), "%.8g", ",", header="t,x", comments="")
-    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "free.csv"])
-    with pytest.raises(InputError, match=r"free\.csv: nothing that is fitted changes .* no slope"):
-        first_fit(data.train, natural_units(data.train))

@@ -106,7 +106,7 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
     and the other one is returned if it leaves less than half. So is one that is free of a constant that is stated.
 
     `experiments`: recordings to fit. Raises ComputationError if the model blows up from its guesses, and cannot be led
-    to the end of the recordings either; InputError if nothing that is fitted changes the reading.
+    to the end of the recordings either.
     """
     model = declared_model(experiments[0])
     gaussian = {} if experiments[0].system.has_rod else rig_uncertainty(experiments[0])
@@ -117,7 +117,6 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
         if again is None:
             raise
         return _freed(again, experiments)
-    _refuse_still(found)
     if _is_doubtful(found) and (told := pushed(model, experiments, units)):
         found = _better(found, _fit_from(told, model, experiments, units, gaussian))
     if _is_doubtful(found):
@@ -125,19 +124,6 @@ def first_fit(experiments: Sequence[Experiment], units: NaturalUnits) -> Fit:
     found = _better(found, _begun_elsewhere(found, experiments), part=1.0)
     found = _better(found, _from_elsewhere(found, experiments))
     return _freed(_overruled(found, experiments), experiments)
-
-
-def _refuse_still(found: Fit) -> None:
-    """Refuse a model whose reading stays what it is at rest: whatever is added to it would be named for its motion."""
-    bench = found.problem.bench
-    slopes = found.minimum.jacobian[: bench.n_rows]
-    if slopes.size and not slopes.any():
-        raise InputError(
-            f"{bench.experiments[0].recording.source}: nothing that is fitted changes what the declared model would "
-            "read. It begins in equilibrium, where its output has no slope in a coordinate that moves, and nothing "
-            "drives it. Give as the output what tells where the motion begins, as another axis of the sensor does, or "
-            "the input that drives it."
-        )
 
 
 def _overruled(found: Fit, experiments: Sequence[Experiment]) -> Fit:

@@ -241,6 +241,13 @@ class Base(ABC):
         rod [q] and the turn of its root per curvature [-], see `discovery.equations.program.Program.form`.
         """
 
+    def began(self, read: NDArray) -> tuple[float, float] | None:
+        """Return the start that readings tell, deflection and its rate, where they are no lines of it; None otherwise.
+
+        `read` (c, 2): as for `begun`.
+        """
+        return None
+
     def begun(self, read: NDArray) -> dict[str, float]:
         """Return by name what readings tell of the parameters that `begins` lists; nothing of those that they do not.
 

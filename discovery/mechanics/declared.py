@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache, cached_property
-from typing import ClassVar
 
 import numpy as np
 import sympy as sp
@@ -12,29 +11,23 @@ from numpy.typing import NDArray
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import OSCILLATOR
 from discovery.declarations.place import INERTIA, local
-from discovery.declarations.system import SystemDeclaration
-from discovery.mechanics.base import Base, Channel, Mechanics, Place, Strand
+from discovery.mechanics.at_rest import LOOSE, AtRest
+from discovery.mechanics.base import Channel, Mechanics, Place, Strand
 from discovery.mechanics.declared_equations import (
     INPUT,
-    Equations,
     Unread,
     constant_parameter,
-    coordinates_of,
     unread_coordinates,
 )
+from discovery.mechanics.first_angle import first_angle
 from discovery.mechanics.lagrangian import total_derivative
 from discovery.mechanics.rod import STRAIGHT
 
-#: A direction counts as free of springs where what they answer is smaller than so much of the stiffest.
-_LOOSE = 1e-9
 
-
-class DeclaredBase(Base):
+class DeclaredBase(AtRest):
     """The bare mechanics of a declared system."""
 
     system = OSCILLATOR
-    declaration: ClassVar[SystemDeclaration]
-    equations: ClassVar[Equations]
     blocks = 2
 
     @classmethod
@@ -49,42 +42,6 @@ class DeclaredBase(Base):
         """Return the coordinates whose start no reading tells."""
         own = cls()
         return unread_coordinates(cls.declaration.coordinates, own.gradient, own.shape, own.inertia, own.order)
-
-    @cached_property
-    def order(self) -> int:
-        """Whether positions are read, rates, or accelerations: 0, 1, or 2."""
-        return self.order_of(self.equations.output)
-
-    def order_of(self, law: sp.Expr) -> int:
-        """Return whether a reading is of positions, of rates, or of accelerations: 0, 1, or 2."""
-        found, (_, rates, accelerations) = law.free_symbols, self.moving
-        return 2 if found & {*accelerations, s.alpha_m} else 1 if found & {*rates, s.omega_m} else 0
-
-    @cached_property
-    def guess(self) -> dict[sp.Symbol, float]:
-        """Every constant as declared or guessed."""
-        return {sp.Symbol(n, real=True): c.value for n, c in self.declaration.constants.items()}
-
-    @property
-    def moving(self) -> tuple[tuple[sp.Symbol, ...], ...]:
-        """Coordinates, their rates and their accelerations."""
-        return coordinates_of(type(self).n_coordinates)
-
-    def _at_rest(self, expression: sp.Expr) -> sp.Expr:
-        """Return an expression where every coordinate, rate and input is zero."""
-        q, rates, _ = self.moving
-        return expression.subs(dict.fromkeys((*q, *rates, *INPUT, s.u), 0))
-
-    def stiffness(self) -> NDArray:
-        """Return the stiffness matrix at rest, at the constants as declared and guessed, shape (n, n)."""
-        return self.numbers(self._stiffness())
-
-    def _stiffness(self) -> sp.Matrix:
-        return self._at_rest(sp.hessian(self.equations.potential, self.moving[0]))
-
-    def numbers(self, expression: sp.Expr) -> NDArray:
-        """Return an expression at rest, at the declared and guessed constants."""
-        return np.array(sp.Matrix(self._at_rest(expression)).xreplace(self.guess).tolist(), float)
 
     def mechanics(self, rod=STRAIGHT) -> Mechanics:
         """Return the mathematics: d/dt dT/dq' - dT/dq + dV/dq + dD/dq' = forces."""
@@ -168,11 +125,6 @@ class DeclaredBase(Base):
         stiffness = self._across(place, sp.hessian(self.equations.potential, q))
         return stiffness != 0 and not stiffness.free_symbols & {*q, *INPUT, s.u}
 
-    @cached_property
-    def inertia(self) -> NDArray:
-        """Mass matrix at rest, shape (n, n)."""
-        return self.numbers(sp.hessian(self.equations.kinetic, self.moving[1]))
-
     def way(self, place: str) -> NDArray:
         """Return the displacement of a place per coordinate, at rest."""
         return self.numbers(sp.Matrix([[sp.diff(self.equations.places[place][0], a) for a in self.moving[0]]]))[0]
@@ -190,7 +142,7 @@ class DeclaredBase(Base):
 
     def _is_tied(self, place: str) -> bool:
         stiffness, way = self.stiffness(), self.way(place)
-        answer = np.linalg.lstsq(stiffness, way, rcond=_LOOSE)[0]
+        answer = np.linalg.lstsq(stiffness, way, rcond=LOOSE)[0]
         return bool(np.allclose(stiffness @ answer, way, rtol=1e-6, atol=1e-6 * np.abs(way).max()))
 
     @property
@@ -219,12 +171,15 @@ class DeclaredBase(Base):
     @property
     def orders(self):
         """Those of the output, and of what is read beside it."""
-        return (self.order, *(self.order_of(law) for law, _ in self.equations.also.values()))
+        return (self.order, *map(self.order_of, self._also))
+
+    @property
+    def _also(self) -> list[sp.Expr]:
+        return [law for law, _ in self.equations.also.values()]
 
     def reading(self, closure, rod=STRAIGHT):
         """Return the declared output, and what is read beside it."""
-        read = (self.equations.output, *(also for also, _ in self.equations.also.values()))
-        return tuple(map(self._received, read))
+        return tuple(map(self._received, (self.equations.output, *self._also)))
 
     @property
     def adrift(self) -> bool:
@@ -254,12 +209,22 @@ class DeclaredBase(Base):
             q, rates = q + each.way[:, None] * np.asarray(moved), rates + each.way[:, None] * np.asarray(moving)
         return q, rates
 
+    def began(self, read):
+        """Return the start of the one angle of a free system, read as a deflection; None where its reading is one."""
+        (angle, *more), (unit, *_) = self.moving[0], self.declaration.coordinates.values()
+        if more or unit != "rad" or self.order or self.declaration.input is not None or not self.gradient.any():
+            return None
+        moving = dict.fromkeys((*self.moving[1], *self.moving[2]), 0)
+        laws = [law.subs(moving).xreplace(self.guess) for law in (self.equations.output, *self._also)]
+        found = first_angle(laws, angle, read)
+        return None if found is None else (found[0] / self.shape[0], found[1] / self.shape[0])
+
     def begun(self, read):
         """Return what tells where coordinates that are not the output's begin, and how fast, by parameter.
 
         Of places that are read beside an output that is one, as the linear motion about rest has them.
         """
-        laws, ways = [law for law, _ in self.equations.also.values()], self.unread()
+        laws, ways = self._also, self.unread()
         told = np.array([self.order_of(law) == 0 for law in laws], bool) & np.isfinite(read[1:]).all(axis=1)
         if self.order or not ways or not told.any() or not np.isfinite(read[0]).all():
             return {}
@@ -271,29 +236,3 @@ class DeclaredBase(Base):
         begins = np.linalg.lstsq(moved, beside[told] - np.outer(slopes @ self.shape, read[0]), rcond=None)[0]
         names = (p.name for each in ways for p in each.starts)
         return dict(zip(names, begins.ravel().tolist(), strict=True))
-
-    @cached_property
-    def _return(self) -> float:
-        """Slope of what is read per displacement along `shape` that ends it [s^-2]; zero where nothing pulls back."""
-        way, stiffness = self.shape, self.stiffness()
-        pull, most = way @ stiffness @ way, np.abs(way) @ np.abs(stiffness) @ np.abs(way)
-        return float(pull / (way @ self.inertia @ way)) if abs(pull) > 1e3 * _LOOSE * most else 0.0
-
-    @cached_property
-    def gradient(self) -> NDArray:
-        """What is read per coordinate, or per rate or acceleration where these are read, at rest, shape (n,)."""
-        moving = self.moving[self.order]
-        slopes = [sp.diff(self.equations.output, a).subs(dict.fromkeys(moving, 0)) for a in moving]
-        return self.numbers(sp.Matrix([slopes]))[0]
-
-    @cached_property
-    def shape(self) -> NDArray:
-        """Displacement of the coordinates per unit of what is read, as the springs let a slow force do it."""
-        way = self.gradient
-        if not way.any():
-            return way
-        stiffness = self.stiffness()
-        # Where no spring does a little of the inertia decides: the body moves as a whole.
-        small = 1e-9 * max(np.abs(stiffness).max() / np.abs(self.inertia).max(), 1e-12)
-        shape = np.linalg.solve(stiffness + small * self.inertia, way)
-        return shape / (way @ shape)

@@ -76,11 +76,17 @@ def _check(base: DeclaredBase) -> None:
     for key, law in read.items():
         if not law.free_symbols & {*q, *rates, *accelerations}:
             raise InputError(f"key {key!r}: no coordinate stands in it. Write what the instrument reads of them.")
-        if base.order_of(law) < base.order:
+        if (order := base.order_of(law)) < base.order and base.slopes(law, order).any():
             raise InputError(
                 f"key {key!r}: it is read beside a rate or an acceleration, and is less often differentiated. "
                 "Make it the output, and read that beside it: a motion begins where its output does."
             )
+    if base.declaration.input is None and not base.gradient.any():
+        raise InputError(
+            "key 'output': at rest it does not change with any coordinate, and nothing drives the system: it does not "
+            "tell where a motion begins. Make another reading the output, as another axis of the sensor, and read this "
+            "one beside it, in also."
+        )
 
 
 def check_place(base: Base, effect: Effect) -> None:

@@ -52,7 +52,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
         name, unit, values = found.names[channel], found.units[channel], found.outputs[channel]
         flags += gap_flags(name, found.time, found.table.numbers(name))
         order = orders.get(channel, base.order)
-        if position and order == 0 and (what := _OTHERS.get(si_symbol(unit))):
+        if position and rig.system is None and order == 0 and (what := _OTHERS.get(si_symbol(unit))):
             flags.append(Flag("rate_as_position", name, unit, {"what": what}))
         if rig.view is None:  # a force of friction is flat by itself
             values, told = without_ends(name, unit, found.time, values, still)

@@ -1,0 +1,40 @@
+"""Where an angle begins whose readings bend with it, as those of an accelerometer on a pendulum do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+#: Angles of a turn that are tried: nearer ones a fit finds by itself.
+_TRIED = 720
+#: Misfits that differ by less are the same, of the range of the readings squared: the angle nearer to rest is taken.
+_SAME = 1e-3
+
+
+def first_angle(laws: Sequence[sp.Expr], angle: sp.Symbol, read: NDArray) -> tuple[float, float] | None:
+    """Return angle [rad] and rate [rad/s] with which readings begin; None where they are straight lines of the angle.
+
+    `laws`: what is read at an angle at rest, everything else a number. `read` (c, 2): first value of every reading, and
+    its rate; NaN of one that is first read later.
+    """
+    here = np.isfinite(read).all(axis=1)
+    if not here[0] or all(sp.diff(law, angle, 2) == 0 for law in laws):
+        return None
+    tried = np.linspace(-np.pi, np.pi, _TRIED, endpoint=False)
+    values, slopes = (
+        np.array([np.broadcast_to(sp.lambdify(angle, law)(tried), tried.shape) for law in each])[here]
+        for each in (laws, [sp.diff(law, angle) for law in laws])
+    )
+    told = np.ptp(values, axis=1) > 0.0
+    sizes = np.ptp(values, axis=1)[told, None]
+    misfit = np.square((values[told] - read[here][told, :1]) / sizes).sum(axis=0)
+    near = np.flatnonzero(misfit < misfit.min() + _SAME)
+    best = near[np.argmin(np.abs(tried[near]))]
+    slope = (slopes[told] / sizes)[:, best]
+    rates = (read[here][told, 1:] / sizes)[:, 0]
+    # At the end of its range a reading tells no rate.
+    rate = float(slope @ rates / (slope @ slope)) if slope @ slope > _SAME else 0.0
+    return float(tried[best]), rate
