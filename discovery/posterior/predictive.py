@@ -16,7 +16,8 @@ from discovery.estimation.problem import Problem
 from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError
-from discovery.posterior.noise.model import noise_names
+from discovery.posterior.noise import errors_of
+from discovery.posterior.noise.model import noise_names, own_of
 from discovery.recordings.chosen import Recordings, check_model, training_of
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
@@ -112,11 +113,12 @@ def predictive(
     own = any(p.own for p in posterior.model.parameters.values())
     _check_initial(initial, experiments, own=own)
     draws = {name: values[chosen] for name, values in flat.items()}
-    bands = []
+    bands, law = [], errors_of(posterior.noise)
     for experiment, channels in zip(experiments, simulated(posterior, experiments, draws, initial), strict=True):
         recording = experiment.recording
         factor = noise_factor(posterior, recording.channels, draws)
-        noise = recording.scatter[:, :, None] * factor * errors(recording.channels, draws, channels.shape, rng)
+        unit = law.drawn(rng, channels.shape, own_of(recording.channels, draws))
+        noise = recording.scatter[:, :, None] * factor * unit
         bands.append(
             Band(
                 recording.name,
@@ -167,20 +169,6 @@ def simulated(
         check_finite(channels, experiment.recording.time, bench.names, parameters)
         found.append(channels)
     return found
-
-
-def errors(
-    channels: tuple[str, ...], draws: Mapping[str, FloatArray], shape: tuple[int, ...], rng: Generator
-) -> FloatArray:
-    """Return errors of unit scale: of Student's t where its degrees of freedom were sampled, else Gaussian."""
-    nu = degrees(channels, draws)
-    return rng.standard_normal(shape) if nu is None else rng.standard_t(nu, shape)
-
-
-def degrees(channels: tuple[str, ...], draws: Mapping[str, FloatArray]) -> FloatArray | None:
-    """Return the degrees of freedom of the errors of channels by draw; None where they were not sampled."""
-    found = (draws.get(name.replace("sigma", "nu", 1)) for name in noise_names(channels))
-    return next((values for values in found if values is not None), None)
 
 
 def fitted_starts(posterior: Posterior, experiments: Sequence[Experiment]) -> dict[str, tuple[float, ...]]:

@@ -8,8 +8,6 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import stats
-from scipy.special import log_ndtr
 
 from discovery.equations.model import Model
 from discovery.estimation.natural_units import NaturalUnits
@@ -25,10 +23,9 @@ from discovery.posterior.inference_data import (
     of_readings,
     of_walkers,
 )
-from discovery.posterior.noise import GAUSSIAN, is_independent, words_of
-from discovery.posterior.noise.quantised import Quantised
-from discovery.posterior.noise.student_t import StudentT
-from discovery.posterior.predictive import degrees, errors, noise_factor, simulated
+from discovery.posterior.noise import errors_of, is_independent, words_of
+from discovery.posterior.noise.model import own_of
+from discovery.posterior.predictive import noise_factor, simulated
 from discovery.recordings.experiment import Experiment
 
 if TYPE_CHECKING:
@@ -86,6 +83,7 @@ def readings(posterior: Posterior, experiments: Sequence[Experiment], *, pointwi
     """
     for experiment in experiments:
         _check_fitted(posterior, experiment)
+    law = errors_of(posterior.noise)
     ensembles, parts = len(posterior.draws), [experiment.fitted_part for experiment in experiments]
     draws = {name: as_chains(posterior.draws[..., i])[1].ravel() for i, name in enumerate(posterior.names)}
     count, rng = next(iter(draws.values())).size, np.random.default_rng(posterior.provenance["seed"])
@@ -102,10 +100,11 @@ def readings(posterior: Posterior, experiments: Sequence[Experiment], *, pointwi
         rows, columns = np.nonzero(seen)
         time[r.name], channel[r.name] = r.time[rows], tuple(r.channels[c] for c in columns)
         observed[r.name] = r.output[seen]
-        again[r.name] = by_draw((motion + scale * errors(r.channels, draws, shape, rng))[seen]).astype(np.float32)
+        own = own_of(r.channels, draws)
+        again[r.name] = by_draw((motion + scale * law.drawn(rng, shape, own))[seen]).astype(np.float32)
         if pointwise:
-            half, nu = np.broadcast_to(0.5 * r.steps[:, None], shape), degrees(r.channels, draws)
-            density = _log_density(posterior.noise, r.output[:, :, None] - motion, scale, half, nu)
+            step = np.broadcast_to(r.steps[:, None], shape)
+            density = law.density(r.output[:, :, None] - motion, scale, own, step)
             scores[r.name] = by_draw(density[seen])
     units = {c: unit for e in experiments for c, unit in zip(e.recording.channels, e.recording.units, strict=True)}
     return {
@@ -186,16 +185,3 @@ def _check_fitted(posterior: Posterior, experiment: Experiment) -> None:
         return
     known = [found[1] for found in map(start_of, posterior.names) if found and found[0] == "delta"]
     raise InputError(f"The recording {name!r} was not fitted: the posterior is of {', '.join(known)}. Give those.")
-
-
-def _log_density(
-    noise: str, error: FloatArray, scale: FloatArray, half: FloatArray, nu: FloatArray | None
-) -> FloatArray:
-    """Return the log density of errors (n, c, k), NaN where they depend on each other."""
-    if noise == StudentT.name and nu is not None:
-        return np.asarray(stats.t.logpdf(error / scale, nu) - np.log(scale))
-    if noise == Quantised.name:
-        # The probability of the cell, from the tail in which both its ends lie.
-        near, far = log_ndtr((half - np.abs(error)) / scale), log_ndtr((-half - np.abs(error)) / scale)
-        return np.asarray(near + np.log1p(-np.exp(far - near)) - np.log(2.0 * half))
-    return np.asarray(stats.norm.logpdf(error, scale=scale)) if noise == GAUSSIAN else np.full(error.shape, np.nan)

@@ -13,7 +13,7 @@ from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError, suggestion
 from discovery.posterior.noise.correlated import Correlated
 from discovery.posterior.noise.input_noise import InputNoise
-from discovery.posterior.noise.model import Instrument
+from discovery.posterior.noise.model import GaussianErrors, Instrument
 from discovery.posterior.noise.model import Noise as Noise
 from discovery.posterior.noise.model import NoiseParameter as NoiseParameter
 from discovery.posterior.noise.quantised import Quantised
@@ -27,6 +27,11 @@ NOISE_MODELS: dict[str, type[Noise]] = {model.name: model for model in (StudentT
 def words_of(name: str) -> str:
     """Return what the noise model of a name takes errors as."""
     return "independent and Gaussian" if name == GAUSSIAN else _model(name).words
+
+
+def errors_of(name: str) -> type[Noise] | type[GaussianErrors]:
+    """Return what draws and weighs the error of one reading under the noise model of a name."""
+    return GaussianErrors if name == GAUSSIAN else _model(name)
 
 
 def is_independent(name: str) -> bool:
@@ -53,8 +58,8 @@ def noise_of(name: str, problem: Problem, parts: Sequence[Instrument]) -> tuple[
     models = tuple(model for model in found if model is not None)
     if len(models) < len(found):
         raise InputError(
-            f"Noise model {name!r} does not apply to these recordings: 'input' needs a recorded input, 'quantised' "
-            f"readings in steps; these apply: {', '.join(applicable(problem, parts))}."
+            f"Noise model {name!r} does not apply to these recordings: it needs {_model(name).needs}; these apply: "
+            f"{', '.join(applicable(problem, parts))}."
         )
     return models
 

@@ -15,6 +15,7 @@ from discovery.foundation.sampling import median_step
 from discovery.posterior.noise.filters import exponential
 from discovery.posterior.noise.model import (
     LOG_2PI,
+    GaussianErrors,
     Instrument,
     Noise,
     NoiseParameter,
@@ -28,7 +29,7 @@ _STARTS = (0.25, 0.5, 0.75)
 
 
 @dataclass(frozen=True)
-class Correlated(Noise):
+class Correlated(GaussianErrors, Noise):
     """Gaussian errors of standard deviation sigma: white, but for a share with correlation exp(-|t - t'|/tau_n).
 
     The channels are independent of each other. It is the process of Ornstein and Uhlenbeck, or a real term of D.

@@ -11,7 +11,15 @@ import numpy as np
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.posterior.noise.filters import oscillating
-from discovery.posterior.noise.model import LOG_2PI, Instrument, Noise, seen_by, share_of, share_parameter
+from discovery.posterior.noise.model import (
+    LOG_2PI,
+    GaussianErrors,
+    Instrument,
+    Noise,
+    seen_by,
+    share_of,
+    share_parameter,
+)
 from discovery.recordings.experiment import Experiment
 
 # Smallest angular frequency over the dominant one: a stiffness may be at its bound of zero.
@@ -19,7 +27,7 @@ _SLOWEST = 1e-2
 
 
 @dataclass(frozen=True)
-class InputNoise(Noise):
+class InputNoise(GaussianErrors, Noise):
     """White errors of the readings, and white errors of the input that passed through the system to first order.
 
     What a system of angular frequency sqrt(alpha) and damping xi makes of white noise is the stochastically driven
@@ -35,6 +43,7 @@ class InputNoise(Noise):
     name: ClassVar[str] = "input"
     words: ClassVar[str] = "white, and input noise that passed through the system"
     independent: ClassVar[bool] = False
+    needs: ClassVar[str] = "a recorded input"
 
     readings: dict[int, tuple[FloatArray, BoolArray, FloatArray]]
     alpha: int | float

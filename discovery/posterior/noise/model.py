@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from discovery.declarations.priors import Prior
 from discovery.estimation.problem import Problem
@@ -17,6 +18,8 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.recordings.experiment import Experiment
 
 LOG_2PI = float(np.log(2 * np.pi))
+#: Draws of the parameters of a noise beside its size, each (k,), by the name that its model gives them.
+Own = Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -132,8 +135,27 @@ class Noise(ABC):
     independent: ClassVar[bool] = True
     outliers: ClassVar[bool] = False
 
+    #: What recordings need, in words, where it does not apply to all.
+    needs: ClassVar[str] = ""
+
     part: Instrument
     parameters: tuple[NoiseParameter, ...]
+
+    @classmethod
+    @abstractmethod
+    def drawn(cls, rng: Generator, shape: tuple[int, ...], own: Own) -> FloatArray:
+        """Return errors of readings of size one, shape (n, c, k); `own`: draws of its parameters."""
+
+    @classmethod
+    @abstractmethod
+    def density(
+        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
+    ) -> FloatArray:
+        """Return the log density of the error of each reading alone, shape (n, c, k).
+
+        `error`, `size` (n, c, k): of readings, and of the noise, in their unit. `own`: draws of its parameters.
+        `step`: of readings that come in steps, in their unit.
+        """
 
     @classmethod
     @abstractmethod
@@ -158,6 +180,31 @@ class Noise(ABC):
         Of rounded readings it is so where the cells are no wider than the noise.
         """
         return self.whitened(i, residual, x, noise)
+
+
+class GaussianErrors:
+    """The error of one reading that is Gaussian, of a standard deviation: a mixin of noise models, and without one."""
+
+    @classmethod
+    def drawn(cls, rng: Generator, shape: tuple[int, ...], own: Own) -> FloatArray:
+        """Return errors of unit standard deviation."""
+        return rng.standard_normal(shape)
+
+    @classmethod
+    def density(
+        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
+    ) -> FloatArray:
+        """Return the Gaussian log density."""
+        return np.asarray(stats.norm.logpdf(error, scale=size))
+
+
+def own_of(channels: Sequence[str], draws: Mapping[str, FloatArray]) -> Own:
+    """Return the parameters of the noise of channels among all draws, by the names that its model gives them."""
+    several, _ = noise_names(channels)
+    if several not in draws:
+        return draws
+    label = several.removeprefix("sigma")
+    return {name.removesuffix(label): values for name, values in draws.items() if name.endswith(label)}
 
 
 def seen_by(experiment: Experiment) -> BoolArray:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numba import njit
+from scipy.special import log_ndtr
 
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
-from discovery.posterior.noise.model import Instrument, Noise, seen_by
+from discovery.posterior.noise.model import GaussianErrors, Instrument, Noise, seen_by
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -56,7 +58,7 @@ def rounded(seen: BoolArray, residual: FloatArray, half: FloatArray, sd: FloatAr
 
 
 @dataclass(frozen=True)
-class Quantised(Noise):
+class Quantised(GaussianErrors, Noise):
     """Gaussian white errors of standard deviation sigma before the readings were rounded.
 
     The probability of the cell in place of the density of its middle (A. Gelman et al., Bayesian Data Analysis, section
@@ -67,6 +69,7 @@ class Quantised(Noise):
     name: ClassVar[str] = "quantised"
     words: ClassVar[str] = "white, then rounded"
     size: ClassVar[str] = "noise before rounding, sd"
+    needs: ClassVar[str] = "readings in steps"
 
     cells: dict[int, tuple[BoolArray, FloatArray]]
 
@@ -80,6 +83,16 @@ class Quantised(Noise):
                 return None
             cells[i] = seen_by(problem.bench.experiments[i]), 0.5 * recording.steps / recording.noise
         return cls(part, (), cells)
+
+    @classmethod
+    def density(
+        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
+    ) -> FloatArray:
+        """Return the log probability of the cell of each reading, over its size."""
+        half = 0.5 * step
+        # From the tail in which both its ends lie.
+        near, far = log_ndtr((half - np.abs(error)) / size), log_ndtr((-half - np.abs(error)) / size)
+        return np.asarray(near + np.log1p(-np.exp(far - near)) - np.log(2.0 * half))
 
     def log_likelihood(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
         """Return the log probability of the readings of one experiment, over the sizes of their cells."""

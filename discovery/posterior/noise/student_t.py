@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.random import Generator
+from scipy import stats
 from scipy.special import gammaln
 
 from discovery.declarations.priors import Normal
@@ -14,7 +17,7 @@ from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.compiled_function import compiled
 from discovery.posterior.noise.filters import FAST, LANES, TOGETHER, padded
-from discovery.posterior.noise.model import Instrument, Noise, NoiseParameter
+from discovery.posterior.noise.model import Instrument, Noise, NoiseParameter, Own
 
 
 @compiled(nogil=True, fastmath=FAST, error_model="numpy")
@@ -76,6 +79,18 @@ class StudentT(Noise):
         )
         experiments = problem.bench.experiments
         return cls(part, (nu,), {i: int((experiments[i].weights() > 0).sum()) for i in part.experiments})
+
+    @classmethod
+    def drawn(cls, rng: Generator, shape: tuple[int, ...], own: Own) -> FloatArray:
+        """Return errors of unit scale."""
+        return rng.standard_t(own["nu"], shape)
+
+    @classmethod
+    def density(
+        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
+    ) -> FloatArray:
+        """Return the log density of Student's t."""
+        return np.asarray(stats.t.logpdf(error / size, own["nu"]) - np.log(size))
 
     def log_likelihood(self, i: int, residual: FloatArray, x: FloatArray, noise: FloatArray) -> FloatArray:
         """Return the log density of the readings of one experiment."""
