@@ -10,6 +10,7 @@ import inspect
 import math
 import re
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from discovery.equations.model import Model
 from discovery.foundation.io import atomic_write
 from discovery.mechanics import base_names, get_base
 from discovery.mechanics.upgrades import UPGRADES, Upgrade
+from discovery.rigs.rig_system import taken_names
 
 _KINDS = {
     "mechanics": "Mechanics of the arm",
@@ -47,6 +49,10 @@ of the small oscillation, an oscillator's coordinate and its input in their larg
 not switch its effect; a fixed one is a convention, which the loop fits at its end where it has added the effect. Where
 bases are named, the others contain the effect or cannot show it.
 """
+_TAKEN = """A constant of a [declared system](YOUR_SYSTEM.md) has another name than what effects and mechanics call theirs, whether
+a model has them or not:"""
+_PROGRAM = """The compiled program needs these, and every name that begins with one of them and an underscore, such as `drive_loss`:
+{}."""
 
 
 def _block(found: re.Match[str]) -> str:
@@ -116,7 +122,16 @@ def catalogue_page() -> str:
             lines += [f"## {heading}", ""]
         for effect_id, effect in members.items():
             lines += _section(effect_id, effect)
-    return "\n".join(lines).rstrip() + "\n"
+    return "\n".join([*lines, *_taken()]).rstrip() + "\n"
+
+
+def _taken() -> list[str]:
+    """Return the section of the names that a constant of a declared system may not have."""
+    names, beginnings = taken_names()
+    single = [n for n in names if len(n) > 1 and n.partition("_")[0] not in beginnings]
+    told = textwrap.fill(", ".join(f"`{n}`" for n in sorted(single, key=str.lower)), 118, break_on_hyphens=False)
+    beginning = textwrap.fill(", ".join(f"`{b}`" for b in beginnings), 118)
+    return ["## Names that are taken", "", _TAKEN, "", f"{told}.", "", _PROGRAM.format(beginning), ""]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

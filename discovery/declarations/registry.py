@@ -16,9 +16,6 @@ from discovery.declarations.place import at_place, can_be_placed
 from discovery.foundation.arguments import expect
 from discovery.foundation.errors import InputError
 
-#: Names of people in those of effects.
-_PEOPLE = {"coriolis", "coulomb", "stribeck"}
-
 
 def _modules() -> Iterator[ModuleType]:
     package = importlib.import_module("discovery.effects")
@@ -37,7 +34,7 @@ def catalogue() -> dict[str, Effect]:
     Raises
     ------
     ValueError
-        If two classes claim the same id.
+        If two classes claim the same id, or two effects a parameter of the same name.
 
     Examples
     --------
@@ -51,6 +48,10 @@ def catalogue() -> dict[str, Effect]:
                 if member.id() in found:
                     raise ValueError(f"two effects are called {member.id()!r}: {found[member.id()]!r} and {member!r}")
                 found[member.id()] = member()
+    owner: dict[str, str] = {}
+    for name, label in [(p.name, effect.id()) for effect in found.values() for p in effect.parameters()]:
+        if owner.setdefault(name, label) != label:
+            raise ValueError(f"effects {owner[name]!r} and {label!r} both have a parameter {name!r}: rename one")
     return dict(sorted(found.items()))
 
 
@@ -62,9 +63,10 @@ def effect_name(effect_id: str) -> str:
     >>> effect_name("coulomb_friction"), effect_name("angle_offset")
     ('Coulomb friction', 'zero offset of the sensor')
     """
-    effect = catalogue().get(effect_id)
-    words = effect.called if effect is not None and effect.called else effect_id
-    return " ".join(word.capitalize() if word in _PEOPLE else word for word in words.split("_"))
+    law, at, place = effect_id.partition("_at_")
+    effect = catalogue().get(law)
+    words = effect.called if effect is not None and effect.called else law
+    return f"{words}{at}{place}".replace("_", " ")
 
 
 def _speaks_of(effect: Effect, word: str) -> bool:

@@ -86,7 +86,7 @@ def _exponents(unit: str) -> tuple[tuple[str, Fraction], ...]:
             pixels = " Pixels are counted: write '1' for them, of columns and constants alike." if counted else ""
             raise InputError(
                 f"The unit {unit!r} cannot be read at {text[position:].strip()!r}: write products of powers such as "
-                f"'N m^2' or 's^-2' of {' '.join(_COHERENT)}.{pixels}"
+                f"'N m^2', 's^-2' or 'm^(1/2)' of {' '.join(_COHERENT)}.{pixels}"
             )
         position = token.end()
         if token["slash"]:

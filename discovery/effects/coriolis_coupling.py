@@ -16,6 +16,7 @@ class CoriolisCoupling(Load):
 
     systems = frozenset({ARM})
     on = omega
+    called = "Coriolis coupling"
     cite = "Meirovitch, Methods of Analytical Dynamics (1970), chapter 2; radius law of the elastica"
     c_cor = Parameter("q^-2", "Coriolis coupling", (-3.0, 3.0), Normal(0.0, 0.5), starts=(-0.4, 0.4), latex="c_2")
 

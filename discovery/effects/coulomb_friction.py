@@ -19,6 +19,7 @@ class CoulombFriction(Dissipation):
     less and may be named in its place.
     """
 
+    called = "Coulomb friction"
     cite = "Coulomb (1785); regularised as in Armstrong-Helouvry et al., Automatica 30 (1994) 1083"
     f_c = Parameter("s^-2 q", "Coulomb friction", (0.0, 1.0), HalfStudent(0.05), starts=(0.001, 0.01), latex="f_c")
     v_c = Parameter(

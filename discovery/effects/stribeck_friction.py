@@ -19,6 +19,7 @@ class StribeckFriction(Dissipation):
     """
 
     reduces_to = frozenset({"coulomb_friction"})
+    called = "Stribeck friction"
     cite = "Hess and Soom, Journal of Tribology 112 (1990) 147; Armstrong-Helouvry et al., Automatica 30 (1994) 1083"
     f_k = Parameter("s^-2 q", "sliding friction", (0.0, 1.0), HalfStudent(0.05), starts=(0.001, 0.01), latex="f_k")
     f_b = Parameter(

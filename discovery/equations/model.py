@@ -99,7 +99,8 @@ class Model:
             for parameter in effect.parameters():
                 if parameter.name in found:
                     raise InputError(
-                        f"Two parts of the model have a parameter named {parameter.name!r}; use distinct names."
+                        f"Effect {effect.id()!r} and another part of the model both have a parameter named "
+                        f"{parameter.name!r}; use distinct names."
                     )
                 where = self.mechanics.places().get(parameter.place)
                 unit = "" if where is None else where.unit_of(parameter)

@@ -1,4 +1,4 @@
-"""What the search decided, as records: codes and numbers. Sentences are made from them in one place, see `words`."""
+"""What the search decided, as records: codes and numbers. Sentences are made from them in `report.sentences`."""
 
 from __future__ import annotations
 

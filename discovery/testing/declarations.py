@@ -145,11 +145,14 @@ class DeclarationContract:
             size = {"time": 1.7, "coordinate": 1.0 if tied else 0.6, "length": 2.3, "drive": 0.8}
             assert scaled.free_symbols <= units.keys(), f"{effect} uses {scaled.free_symbols - units.keys()}"
             values = {x: float(rng.uniform(0.3, 1.2)) for x in sorted(scaled.free_symbols, key=str)}
-            changed = {x: v * natural_scale(units[x], **size) for x, v in values.items()}
-            expected = float(scaled.subs(values)) * natural_scale(unit, **size)
-            np.testing.assert_allclose(
-                float(scaled.subs(changed)), expected, rtol=1e-12, err_msg=f"{expression} is not in {unit}"
-            )
+            lacks = {}
+            for quantity, factor in size.items():
+                one = {**dict.fromkeys(size, 1.0), quantity: factor}
+                changed = {x: v * natural_scale(units[x], **one) for x, v in values.items()}
+                expected, found = float(scaled.subs(values)) * natural_scale(unit, **one), float(scaled.subs(changed))
+                if not abs(found - expected) <= 1e-12 * abs(expected):
+                    lacks[quantity] = f"{np.log(expected / found) / np.log(factor):.3g}" if found else "any"
+            assert not lacks, f"{expression} is not in {unit}: its unit, or a parameter's, lacks the powers {lacks}"
 
     def test_absent_by_default(self, effect: str, base: str) -> None:
         """With its amplitudes at zero the effect is exactly absent: the same equations, reading and age remain."""
