@@ -31,6 +31,8 @@ _AWAY, _SHOWN = "delete it or put # before it", 60
 _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 #: May be a thousand or more as well as a number with three decimals.
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+#: How a line of names begins whose first column is the time.
+_TIME = re.compile(r"t(ime)?\b", re.IGNORECASE)
 #: Units as headers have them below their names.
 _UNIT = re.compile(r"[\[(].*[\])]|-+")
 _OF_TIME = {"s", "ms", "us", "min", "sec", "msec", "second", "seconds"}
@@ -152,7 +154,10 @@ def _commented_names(above: Sequence[str], separator: str, first: Sequence[str])
         return []
     units: list[str] = []
     for comment in takewhile(lambda line: line[:1] in ("#", "%"), map(str.strip, reversed(above))):
-        names = _cells(comment.lstrip("#% \t"), separator)
+        line = comment.lstrip("#% \t")
+        # Columns may be set out with blanks in the comment alone; single ones stand between words of a sentence, too.
+        ways = [_cells(line, separator), re.split(r"\s{2,}", line), line.split() if _TIME.match(line) else []]
+        names = next((found for found in ways if len(found) == len(first)), ways[0])
         if len(names) == len(first) and not any(map(_is_either_number, names)):
             if units or names[0][:1] not in ("[", "(") or not all(map(_UNIT.fullmatch, names)):
                 return [f"{name} {unit}" for name, unit in zip(names, units, strict=True)] if units else names
