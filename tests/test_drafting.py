@@ -450,6 +450,15 @@ def test_a_constant_that_is_named_is_the_input(name: str, tmp_path: Path) -> Non
     assert document["columns"]["input"] == {"name": "volts", "unit": "V", "interpolation": "hold"}
 
 
+@pytest.mark.parametrize("name", ["setpoint_rpm", "Target Speed (rpm)", "ref_rpm"])
+def test_what_a_controller_is_asked_for_is_told_from_what_drives(name: str, tmp_path: Path) -> None:
+    speed = 100.0 * (1.0 - np.exp(-3.0 * TIME))
+    path = written(tmp_path, "a.csv", f"t_s,{name},speed_rpm", TIME, np.full(TIME.size, 100.0), speed)
+    drafted(path, chosen={"input": name})
+    told = "# By its name it is what a controller is asked for." in (tmp_path / "rig.toml").read_text()
+    assert told == (name != "ref_rpm")  # a short word that may mean anything
+
+
 @pytest.mark.parametrize("name", ["volts", "fan_speed_setting", "x_error_mm", "trial"])
 def test_what_is_held_and_differs_between_recordings_may_drive(name: str, tmp_path: Path) -> None:
     step = 5.0 * (1.0 - np.exp(-0.5 * TIME) * (np.cos(4.0 * TIME) + np.sin(4.0 * TIME) / 8.0))

@@ -566,3 +566,8 @@ def test_a_trolley_that_brakes_within_its_resolution_and_is_dragged_on_is_not_st
     values = 1e-5 * np.cumsum([*steps, *[-6, -5, -2], *[0] * 12])
     assert flat_runs(values, 2.7e-5).stretches
     assert flat_runs(values, 2.7e-5, driven=True).stretches == ()
+
+
+def test_a_doubt_of_two_columns_is_told_of_each():
+    swings = [Flag("swings_few", column, "deg", {"swings": 3.0, "duration": 2.0}) for column in ("x", "z")]
+    assert doubted({"a": swings, "b": swings[:1]}) == [f"a: {swings[0].sentence} So in b.", f"a: {swings[1].sentence}"]

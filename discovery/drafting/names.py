@@ -37,6 +37,7 @@ _GRAVITIES = {"g": "g_0", "mg": "mg_0"}
 _REVOLUTIONS, _REVOLUTION = {"turns", "revolutions", "revs"}, {"turn", "revolution", "rev"}
 _COUNTED = {"count", "counts", "counter", "number", "total"}
 _SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "cps", "drehzahl"}
+_ASKED = {"setpoint", "target", "reference", "desired", "goal", "sollwert", "consigne"}
 _OTHERS = {"temperature", "battery", "supply", "error", "err", "uncertainty", "sd", "std"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
 _WORDS = (
@@ -110,6 +111,18 @@ def words_of(name: str) -> list[str]:
     ['angular', 'velocity']
     """
     return [word for word in re.split(r"[^a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower()) if word]
+
+
+def is_asked_for(name: str) -> bool:
+    """Return whether a name is that of what a controller is asked for, which is not what it then applies.
+
+    Examples
+    --------
+    >>> is_asked_for("setpoint_rpm"), is_asked_for("set point"), is_asked_for("voltage")
+    (True, True, False)
+    """
+    words = words_of(name)
+    return bool(_ASKED.intersection(words)) or "set point" in " ".join(words)
 
 
 def _split(name: str) -> tuple[str, str | None]:

@@ -17,6 +17,7 @@ from discovery.drafting.force_view import is_seen_as_force, other_way, view
 from discovery.drafting.guessed_units import angle_unit, said_of
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
 from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
+from discovery.drafting.names import is_asked_for
 from discovery.drafting.record_lines import DIFFERS, begins_at_rest, quoted_text, record_lines, trial_rows, unused_words
 from discovery.drafting.signals import Signal, Signals, find_signals, open_table
 from discovery.foundation.arguments import as_path, as_paths, check_names, check_number, expect
@@ -226,6 +227,9 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
         between, why = ("", []) if differentiated else _between(found.input)
         yield f"{_column('input', found.input, between)}   # {_guessed(found.input)}{_range(found.input)}"
         yield from why
+        if is_asked_for(found.input.name):
+            yield "# By its name it is what a controller is asked for. What that applies drives: name its column, as a"
+            yield "# voltage, a current or a duty. With this one the controller is a part of the system."
         if found.input.name in found.differ:
             yield f"# guessed as the input: it {DIFFERS[0]}. Remove the line if it does not drive"
     more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")

@@ -91,7 +91,7 @@ def doubted(flags: Mapping[str, Iterable[Flag]], *, complete: bool = False) -> l
         explained = flag.code in NOISE or (complete and flag.code == "mean_creeps")
         if flag.severity not in ("doubt", IMPOSSIBLE) or explained:
             return None
-        return flag.code, flag.numbers.get("likely"), flag.numbers.get("right")
+        return flag.code, flag.column, flag.numbers.get("likely"), flag.numbers.get("right")
 
     found = _alike(flags, fault)
     return [
