@@ -122,6 +122,7 @@ def test_outliers_widen_the_band_of_a_reading(sampled) -> None:
         posterior,
         names=(*posterior.names, "nu"),
         draws=np.concatenate([posterior.draws, np.full((*posterior.draws.shape[:3], 1), 3.0)], axis=-1),
+        provenance={**posterior.provenance, "noise": "student_t"},
     )
     widths = []
     for chosen in (posterior, heavy):
