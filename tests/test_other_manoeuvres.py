@@ -130,7 +130,7 @@ def test_what_is_one_law_alone_is_said_without_advice_that_cannot_help() -> None
     assert not found.decides
     assert len(found.clusters) == 1
     said = separation_sentence(found.summary())
-    assert said.endswith("are the same law: no recording within the safe limits tells them apart.")
+    assert said.endswith("are the same law: no recording like these tells them apart.")
     assert "would help" not in said
 
 

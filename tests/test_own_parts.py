@@ -181,3 +181,12 @@ def test_an_input_faster_than_the_motion_is_not_split_at_each_lost_sample() -> N
     x = np.convolve(u, 0.01 * np.exp(-0.5 * T) * np.sin(2 * np.pi * T))[: T.size]
     r = SimpleNamespace(time=T[keep], input=u[keep], output=x[keep, None])
     assert bridged(r).all()  # type: ignore[arg-type]
+
+
+def test_a_gap_is_no_hold() -> None:
+    # Two stretches of a flywheel that runs down: in the first it loses 1.5 % of its speed.
+    time = np.concatenate([np.arange(30) / 10.0, 80.0 + np.arange(60) / 10.0, 240.0 + np.arange(200) / 10.0])
+    speed = 404.0 - 1.2 * time + 0.02 * np.random.default_rng(1).standard_normal(time.size)
+    assert release(time, speed, 0.024) is None
+    held = np.concatenate([np.full(30, 404.0), speed[30:]])
+    assert release(time, held, 0.024) is None

@@ -28,6 +28,7 @@ _HELD = 8  # readings that tell where a body is held
 _STILL, _OF_WAY = 5.0, 0.02  # noise sds of what is compared, and share of the way to rest, within which it stands still
 _FAR = 20.0  # noise sds from rest
 _TIMES = 16.0  # times as far, and twice as long as through two lags it takes to be seen
+_GAP = 3.0  # usual steps that are a gap
 _LONGER = 1.5  # noise moves both times: simulated releases reach 1.1, 99 of 100 turns of a swing 1.4
 
 
@@ -194,7 +195,10 @@ def _release(
     # It goes by `still` to the turning point and twice as far back, at the same acceleration; times err by a reading.
     turns = (1.0 + np.sqrt(2.0)) / (np.sqrt(1.0 + far / still) - np.sqrt(2.0))
     taken = t[min(reached + late + 1, t.size - 1)] - t[left + late]
-    return at if at >= 2 * _HELD and t[at] - t[0] >= _LONGER * turns * taken else None
+    # Nobody saw how it left where nothing was read then.
+    seen = np.diff(t[max(0, min(at, left) - 1) : reached + late + 2])
+    is_seen = seen.max() <= _GAP * np.median(np.diff(t))
+    return at if is_seen and at >= 2 * _HELD and t[at] - t[0] >= _LONGER * turns * taken else None
 
 
 def _first(true: BoolArray) -> int | None:

@@ -35,10 +35,10 @@ def separation_sentence(found: Record) -> str:
     Examples
     --------
     >>> separation_sentence({"clusters": [["equilibrium_offset", "angle_offset"]]})
-    'Here equilibrium_offset and angle_offset are the same law: no recording within the safe limits tells them apart.'
+    'Here equilibrium_offset and angle_offset are the same law: no recording like these tells them apart.'
     """
     said = [
-        f"Here {listed(names)} are the same law: no recording within the safe limits tells them apart."
+        f"Here {listed(names)} are the same law: no recording like these tells them apart."
         for names in laws_of(found)
         if len(names) > 1
     ]

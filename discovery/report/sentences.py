@@ -169,11 +169,11 @@ def _held_out(numbers: Record) -> str:
     held, ahead = numbers["held"], numbers["ahead"]
     if ahead < held and not abs(ahead - held) < _NOTHING:
         alone = _change(ahead, few=True) if abs(ahead) >= _NOTHING else "gains nothing"
-        return f"the log evidence {_both(numbers)}, but its estimate alone {alone} there"
+        return f"the log evidence {_both(numbers)}, {'but' if held > 0 else 'and'} by its estimate alone {alone} there"
     # After "gains" in training the verb is said again only of another one.
     missed = f"but {_change(held, few=True).removeprefix('gains ')}" if abs(held) >= _NOTHING else "and nothing"
-    how = ", which its intervals do not hold" if held <= -_NOTHING else " over its intervals"
-    alone = f"{how}; its estimate alone gains {plain(ahead)} there" if held < _NOTHING <= ahead else ""
+    alone = f" over the intervals of its parameters; by its estimate alone it gains {plain(ahead)} there"
+    alone = alone if held < _NOTHING <= ahead else ""
     return f"the log evidence {_change(numbers['train'])} nats in training, {missed} on the held-out recordings{alone}"
 
 
