@@ -9,7 +9,8 @@ from pushed_oscillator import DECLARED, EFFECTS, UNITS, pushes, recorded
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import fit
-from discovery.estimation.holdout import HoldOut, held_out
+from discovery.estimation.held_states import held_out
+from discovery.estimation.holdout import HoldOut
 
 HELD = recorded("held", pushes(-0.8, 1.2, 0.3, 0.0), 100)
 

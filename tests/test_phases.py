@@ -13,7 +13,7 @@ from discovery.declarations.registry import get_effect
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.holdout import fitted_states
+from discovery.estimation.held_states import fitted_states
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.problem import Problem
 from discovery.recordings.dataset import load_dataset

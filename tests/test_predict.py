@@ -13,7 +13,7 @@ from discovery.equations.program import build_program
 from discovery.estimation.bench import Bench
 from discovery.estimation.equilibrium import equilibrium
 from discovery.estimation.fit import Fit, fit
-from discovery.estimation.holdout import held_out
+from discovery.estimation.held_states import held_out
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.predict import predict
 from discovery.estimation.problem import Problem

@@ -1447,9 +1447,14 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
         (
             -25.6,
             14.2,
-            "but loses 25.6 on the held-out recordings over the intervals of its parameters; by its estimate alone it gains 14.2",
+            "but loses 25.6 on the held-out recordings over the intervals of its parameters; "
+            "by its estimate alone it gains 14.2",
         ),
-        (0.0, 2.0, ", and nothing on the held-out recordings over the intervals of its parameters; by its estimate alone it gains 2.00 there"),
+        (
+            0.0,
+            2.0,
+            ", and nothing on the held-out recordings over the intervals of its parameters; by its estimate alone it gains 2.00 there",
+        ),
         (-1e-9, 0.0, ", and nothing on the held-out"),
         (200.0, -381.0, "gains 50.0 nats in training and 200 held out, but by its estimate alone loses 381 there"),
         (19.6, 0.0, "gains 50.0 nats in training and 19.6 held out, but by its estimate alone gains nothing there"),

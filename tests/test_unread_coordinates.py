@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from discovery.estimation.declared import declared_model, first_fit
 from discovery.estimation.fit import fit
-from discovery.estimation.holdout import held_out
+from discovery.estimation.held_states import held_out
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.predict import predict
 from discovery.export.fitted import FittedModel

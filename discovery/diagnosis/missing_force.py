@@ -23,7 +23,7 @@ from discovery.diagnosis.latent_force import LatentForce, close, reconstruct
 from discovery.diagnosis.multiple_shooting import Chain
 from discovery.diagnosis.slow_model import Law
 from discovery.estimation.fit import Fit
-from discovery.estimation.holdout import fitted_states
+from discovery.estimation.held_states import fitted_states
 from discovery.estimation.problem import Problem
 from discovery.estimation.residual import errors
 from discovery.foundation.arrays import FloatArray, IntArray

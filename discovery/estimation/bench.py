@@ -220,6 +220,12 @@ class Bench:
         """Shortest step at the pace of these experiments, that of a motion of which no pace is known [s]."""
         return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
+    @property
+    def evenly(self) -> float:
+        """How many times the steps there would be if all were as short as the shortest."""
+        whole = [float(s.grid.steps.sum()) / s.grid.steps.size for s in self.simulators]
+        return max(1.0, max(whole) / self.shortest)
+
     @cached_property
     def seen(self) -> tuple[float, float]:
         """Duration of the longest recording, and the shortest step between readings [s]."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import Probed
-from discovery.estimation.holdout import HoldOut, fitted_states, known_problem
+from discovery.estimation.held_states import fitted_states, known_problem
+from discovery.estimation.holdout import HoldOut
 from discovery.estimation.model_error import Channel
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray

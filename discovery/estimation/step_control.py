@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -53,11 +53,20 @@ _ROUNDS, _FAR_BELOW, _AIM = 3, 0.5, 0.7
 _MOST = 16.0
 
 
-def more_accurate(bench: Bench) -> Iterator[Bench]:
-    """Yield simulators of the same recordings, each on half the steps of the last, until they would take too many."""
-    most = min(_MOST_STEPS, _DEAREST * bench.cost)
-    while (bench := bench.finer(2)).cost <= most:
-        yield bench
+def more_accurate(bench: Bench, start: Bench) -> Bench | None:
+    """Return simulators on half the steps; None where these would be too many for sets that begin on others."""
+    finer = bench.finer(2)
+    return finer if _charged(finer) <= min(_MOST_STEPS, _DEAREST * start.cost) else None
+
+
+def _charged(bench: Bench) -> int:
+    """Return the steps that count against a limit: of an arm those that are taken.
+
+    Of other systems those of a recording whose motion is not known: all of them are as short as the shortest.
+    """
+    if bench.experiments[0].system.has_rod:
+        return bench.cost
+    return round(bench.cost * bench.evenly)
 
 
 def solver_errors(fits: Sequence[tuple[Problem, FloatArray]], bench: Bench) -> FloatArray:
@@ -113,7 +122,7 @@ def tightened(bench: Bench, error: float, allowed: float) -> Bench | None:
         return None
     # The error falls with the fourth power of the step.
     found = bench.finer(1 / max(0.25, 0.8 * (allowed / error) ** 0.25))
-    return found if found.cost <= _MOST_STEPS else None
+    return found if _charged(found) <= _MOST_STEPS else None
 
 
 def affordable_bench(

@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
-from discovery.estimation.holdout import fitted_states
+from discovery.estimation.held_states import fitted_states
 from discovery.estimation.problem import Problem
 from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
 from discovery.foundation.arrays import FloatArray

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from discovery.estimation.fit import Fit
-from discovery.estimation.holdout import held_out
+from discovery.estimation.held_states import held_out
 from discovery.foundation.arguments import as_folder, check_seed, expect
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import ComputationError, InputError

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
+from discovery.estimation.local_steps import halved_where_bent
 from discovery.estimation.problem import Problem
 from discovery.estimation.step_control import cheapest, more_accurate, solver_errors
 from discovery.screening.attribution import Candidate
@@ -37,14 +38,18 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
     """
     first = {r.effect: r for r in quick}
     best, latest, done = dict(first), dict(first), set[str]()
-    for bench in more_accurate(problem.bench):
+    bench = problem.bench
+    while (finer := more_accurate(bench, problem.bench)) is not None:
         asked = [e for e in _leading(best, shortlist) if e not in done]
         least = min((r.chi2 for r in best.values()), default=0.0)
-        rough, blown = _unresolved({e: latest.get(e) for e in asked}, bench, least)
+        rough, blown = _unresolved({e: latest.get(e) for e in asked}, finer, least)
         done |= {*asked} - {*rough}
         if not rough:
             break
         begun = [latest[e] for e in rough if e in latest]
+        # The ringing of a rod is everywhere.
+        local = not (blown or bench.experiments[0].system.has_rod)
+        bench = halved_where_bent(bench, [(r.problem, r.minimum.x) for r in begun]) if local else finer
         for r in _again(minimum, replace(problem, bench=bench), shortlist, begun, blown):
             # What blows up even so may do on simulators that are more accurate still.
             latest[r.effect], before = r, best.get(r.effect)

@@ -86,7 +86,7 @@ def at_times(clean: pd.DataFrame, time: FloatArray) -> FloatArray:
 
 def free_run(found: Any, held: Any) -> FloatArray:
     """Return what a fitted model reads in a hold-out: from rest, or from the initial state that fits it best."""
-    from discovery.estimation.holdout import held_out
+    from discovery.estimation.held_states import held_out
     from discovery.estimation.predict import predict
 
     if held.system.has_rod:

@@ -1,0 +1,115 @@
+"""Steps that are shorter where a motion bends within them, as where dry friction changes its sign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from discovery.estimation.bench import Bench
+from discovery.estimation.problem import Problem
+from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.simulation.grid import Pace
+from discovery.simulation.simulate import Simulator
+
+#: The steps that make up this part of the squared errors of all are halved, and those next to them.
+_BULK = 0.99
+#: Steps that differ by this part are the same.
+_SAME = 0.01
+
+#: A problem and its values (p,).
+Fitted = tuple[Problem, FloatArray]
+
+
+def halved_where_bent(bench: Bench, fits: Sequence[Fitted]) -> Bench:
+    """Return the same bench on steps half as long where the motion of any fit bends most within them.
+
+    All are half as long where a motion is not finite. Those that make up most of the error are halved, as in
+    W. Doerfler, SIAM Journal on Numerical Analysis 33 (1996) 1106. A kink that no step resolves, as that of a velocity
+    at a turn with dry friction, then costs a few short steps, where all of them had to be short.
+
+    `fits` each (p,): problems with the effects of the bench, and their values.
+    """
+    bent = [np.zeros(simulator.grid.steps.size, bool) for simulator in bench.simulators]
+    for problem, x in fits:
+        own = replace(problem, bench=bench)
+        for mark, simulator, motion in zip(bent, bench.simulators, bench.motions(*own.expand(x[:, None])), strict=True):
+            if not np.isfinite(motion).all():
+                return bench.finer(2)
+            mark |= _most(bends(simulator, motion))
+    return _halved(bench, bent)
+
+
+def followed(bench: Bench, fits: Sequence[Fitted], like: Bench, known: Sequence[Fitted], shortest: float) -> Bench:
+    """Return a bench on shorter steps where its motions bend most, until they do no more within them than others do.
+
+    `bench`, `fits`: on long steps. `like`, `known`: on steps that resolve what moves, and motions there. `shortest`: no
+    step is made shorter than this [s].
+    """
+    allowed = max(map(_power, like.simulators, _bent(like, known)))
+    while 0.5 * bench.shortest > (1.0 - _SAME) * shortest:
+        bent = _bent(bench, fits)
+        marks = [
+            _most(each) if _power(simulator, each) > allowed else np.zeros(each.size, bool)
+            for simulator, each in zip(bench.simulators, bent, strict=True)
+        ]
+        if not any(mark.any() for mark in marks):
+            break
+        bench = _halved(bench, marks)
+    return bench
+
+
+def _power(simulator: Simulator, bent: FloatArray) -> float:
+    """Return the sum of the squares of what steps miss, a second."""
+    return float(np.sum(bent**2) / simulator.grid.steps.sum())
+
+
+def _bent(bench: Bench, fits: Sequence[Fitted]) -> list[FloatArray]:
+    """Return how far motions bend within the steps of every recording, the most of all fits, see `bends`."""
+    found = [np.zeros(simulator.grid.steps.size) for simulator in bench.simulators]
+    for problem, x in fits:
+        motions = bench.motions(*replace(problem, bench=bench).expand(x[:, None]))
+        for most, simulator, motion in zip(found, bench.simulators, motions, strict=True):
+            np.fmax(most, bends(simulator, motion), out=most)
+    return found
+
+
+def bends(simulator: Simulator, motion: FloatArray) -> FloatArray:
+    """Return how far the slopes of a motion miss the cubics through every other step, times its length, shape (steps,).
+
+    In shares of the rms slope of each state, the largest of them. A kink of the input, at which steps end, is none.
+
+    `motion` (steps, 4 states): from `discovery.simulation.simulate.Simulator.motion`.
+    """
+    grid = simulator.grid
+    begins, ends, after, before = np.split(motion, 4, axis=1)
+    both = grid.steps[:-1] + grid.steps[1:]
+    s = (grid.steps[:-1] / both)[:, None]
+    chord = (begins[:-1] - ends[1:]) / both[:, None]
+    sides = (3.0 * s - 1.0) * (s - 1.0) * before[:-1] + s * (3.0 * s - 2.0) * after[1:]
+    usual = np.sqrt(np.mean(before**2, axis=0)) + np.finfo(float).tiny
+    missed = (np.abs(6.0 * s * (s - 1.0) * chord + sides - after[:-1]) / usual).max(axis=1)
+    missed[grid.restart[1:]] = 0.0
+    return grid.steps * np.maximum(np.append(missed, 0.0), np.insert(missed, 0, 0.0))
+
+
+def _most(errors: FloatArray) -> BoolArray:
+    """Return the fewest steps that make up most of the squared errors, with those next to them."""
+    largest = np.argsort(-errors)
+    share = np.cumsum(errors[largest] ** 2)
+    found = np.zeros(errors.size, bool)
+    found[largest[: int(np.searchsorted(share, _BULK * share[-1])) + 1]] = True
+    return np.asarray(binary_dilation(found, np.ones(3, bool)))
+
+
+def _halved(bench: Bench, marks: Sequence[BoolArray]) -> Bench:
+    """Return a bench on half the steps where marked."""
+    experiments = []
+    for experiment, simulator, mark in zip(bench.experiments, bench.simulators, marks, strict=True):
+        times, steps = simulator.grid.times, simulator.grid.steps
+        shares = np.minimum(steps / bench.step, 1.0) * np.where(mark, 0.5, 1.0)
+        pace = Pace.of(np.append(times, times[-1] + steps[-1]), shares)
+        experiments.append(replace(experiment, pace=pace))
+    return Bench(bench.base, bench.effects, experiments, bench.step, bench.leap)
