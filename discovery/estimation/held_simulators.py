@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.held_states import fitted_states, known_problem
-from discovery.estimation.local_steps import followed
+from discovery.estimation.local_steps import halved_where_bent
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
+from discovery.estimation.step_control import more_accurate, solver_errors
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.start_names import is_start
 from discovery.recordings.experiment import Experiment
+
+#: An error of chi-square that matters, at least, and less than this part of what a model leaves beside noise does not.
+_WORTH, _LITTLE = 5.0, 1e-2
 
 #: Models with their values, on one bench.
 Models = Sequence[tuple[Model, Mapping[str, float]]]
@@ -37,24 +43,30 @@ class HeldSimulators:
         Their steps are those that these recordings need by the first of the models that moves through them; where those
         of training are shorter where a motion bends, so are they, where theirs does.
         """
-        share = self._share(bench, models)
         local = not bench.experiments[0].system.has_rod and bench.shortest < bench.step
-        step = share * (bench.step if local else bench.shortest)
+        step = self._share(bench, models) * (bench.step if local else bench.shortest)
         laws = (bench.shortest, frozenset(model.effects for model, _ in models)) if local else ()
         recorded = tuple((e.recording.name, e.recording.time.size) for e in experiments)
         key = (bench.base, bench.effects, step, recorded, laws)
         if key not in self._benches:
             even = Bench(bench.base, bench.effects, experiments, step)
-            self._benches[key] = self._followed(bench, even, models, share) if local else even
+            self._benches[key] = self._resolved(even, models) if local else even
         return self._benches[key]
 
-    def _followed(self, bench: Bench, even: Bench, models: Models, share: float) -> Bench:
-        """Return a bench of held-out recordings on steps that resolve their motions as those of training do theirs."""
-        fitted = [Problem(model, bench, self.units, {}) for model, _ in models]
-        trained = [(p, p.start(values)) for p, (_, values) in zip(fitted, models, strict=True)]
-        alone = [known_problem(model, values, even, self.units) for model, values in models]
-        held = [*zip(alone, fitted_states(alone), strict=True)]
-        return followed(even, held, bench, trained, share * bench.shortest)
+    def _resolved(self, bench: Bench, models: Models) -> Bench:
+        """Return a bench of held-out recordings on steps that are short where the motions of models bend."""
+        alone = [known_problem(model, values, bench, self.units) for model, values in models]
+        fits, even = [*zip(alone, fitted_states(alone), strict=True)], bench
+        missed = [float(p.bench.chi2(*p.expand(x[:, None])).sum()) - bench.n_data for p, x in fits]
+        while (finer := more_accurate(bench, even)) is not None:
+            errors = solver_errors(fits, finer)
+            worth = (max(_WORTH, _LITTLE * each) for each in missed)
+            rough = [fit for fit, error, matters in zip(fits, errors, worth, strict=True) if np.inf > error > matters]
+            if not rough:
+                break
+            bench = halved_where_bent(bench, rough)
+            fits = [(replace(p, bench=bench), x) for p, x in fits]
+        return bench
 
     def _share(self, bench: Bench, models: Models) -> float:
         """Return how much finer steps the held-out recordings need than the fitted ones, over these.

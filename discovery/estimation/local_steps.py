@@ -16,8 +16,6 @@ from discovery.simulation.simulate import Simulator
 
 #: The steps that make up this part of the squared errors of all are halved, and those next to them.
 _BULK = 0.99
-#: Steps that differ by this part are the same.
-_SAME = 0.01
 
 #: A problem and its values (p,).
 Fitted = tuple[Problem, FloatArray]
@@ -40,40 +38,6 @@ def halved_where_bent(bench: Bench, fits: Sequence[Fitted]) -> Bench:
                 return bench.finer(2)
             mark |= _most(bends(simulator, motion))
     return _halved(bench, bent)
-
-
-def followed(bench: Bench, fits: Sequence[Fitted], like: Bench, known: Sequence[Fitted], shortest: float) -> Bench:
-    """Return a bench on shorter steps where its motions bend most, until they do no more within them than others do.
-
-    `bench`, `fits`: on long steps. `like`, `known`: on steps that resolve what moves, and motions there. `shortest`: no
-    step is made shorter than this [s].
-    """
-    allowed = max(map(_power, like.simulators, _bent(like, known)))
-    while 0.5 * bench.shortest > (1.0 - _SAME) * shortest:
-        bent = _bent(bench, fits)
-        marks = [
-            _most(each) if _power(simulator, each) > allowed else np.zeros(each.size, bool)
-            for simulator, each in zip(bench.simulators, bent, strict=True)
-        ]
-        if not any(mark.any() for mark in marks):
-            break
-        bench = _halved(bench, marks)
-    return bench
-
-
-def _power(simulator: Simulator, bent: FloatArray) -> float:
-    """Return the sum of the squares of what steps miss, a second."""
-    return float(np.sum(bent**2) / simulator.grid.steps.sum())
-
-
-def _bent(bench: Bench, fits: Sequence[Fitted]) -> list[FloatArray]:
-    """Return how far motions bend within the steps of every recording, the most of all fits, see `bends`."""
-    found = [np.zeros(simulator.grid.steps.size) for simulator in bench.simulators]
-    for problem, x in fits:
-        motions = bench.motions(*replace(problem, bench=bench).expand(x[:, None]))
-        for most, simulator, motion in zip(found, bench.simulators, motions, strict=True):
-            np.fmax(most, bends(simulator, motion), out=most)
-    return found
 
 
 def bends(simulator: Simulator, motion: FloatArray) -> FloatArray:
