@@ -1453,7 +1453,8 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
         (
             0.0,
             2.0,
-            ", and nothing on the held-out recordings over the intervals of its parameters; by its estimate alone it gains 2.00 there",
+            ", and nothing on the held-out recordings over the intervals of its parameters; "
+            "by its estimate alone it gains 2.00 there",
         ),
         (-1e-9, 0.0, ", and nothing on the held-out"),
         (200.0, -381.0, "gains 50.0 nats in training and 200 held out, but by its estimate alone loses 381 there"),

@@ -41,22 +41,27 @@ def halved_where_bent(bench: Bench, fits: Sequence[Fitted]) -> Bench:
 
 
 def bends(simulator: Simulator, motion: FloatArray) -> FloatArray:
-    """Return how far the slopes of a motion miss the cubics through every other step, times its length, shape (steps,).
+    """Return how far slopes within the steps of a motion are from smooth, times the length of the step, shape (steps,).
 
-    In shares of the rms slope of each state, the largest of them. A kink of the input, at which steps end, is none.
+    By how much they miss the cubics through every other step; in a step between two kinks of the input, across which no
+    cubic goes, by how much its change misses the trapezoid of its slopes. In shares of the rms slope of each state, the
+    largest of them.
 
     `motion` (steps, 4 states): from `discovery.simulation.simulate.Simulator.motion`.
     """
     grid = simulator.grid
     begins, ends, after, before = np.split(motion, 4, axis=1)
+    usual = np.sqrt(np.mean(before**2, axis=0)) + np.finfo(float).tiny
     both = grid.steps[:-1] + grid.steps[1:]
     s = (grid.steps[:-1] / both)[:, None]
     chord = (begins[:-1] - ends[1:]) / both[:, None]
     sides = (3.0 * s - 1.0) * (s - 1.0) * before[:-1] + s * (3.0 * s - 2.0) * after[1:]
-    usual = np.sqrt(np.mean(before**2, axis=0)) + np.finfo(float).tiny
     missed = (np.abs(6.0 * s * (s - 1.0) * chord + sides - after[:-1]) / usual).max(axis=1)
     missed[grid.restart[1:]] = 0.0
-    return grid.steps * np.maximum(np.append(missed, 0.0), np.insert(missed, 0, 0.0))
+    trapezoid = 0.5 * grid.steps[:, None] * (before + after)
+    alone = grid.restart & np.append(grid.restart[1:], True)
+    found = grid.steps * np.maximum(np.append(missed, 0.0), np.insert(missed, 0, 0.0))
+    return np.where(alone, (np.abs(ends - begins - trapezoid) / usual).max(axis=1), found)
 
 
 def _most(errors: FloatArray) -> BoolArray:
