@@ -38,7 +38,10 @@ def check_noise(name: str) -> None:
         fine = np.full(grid.shape, 1e-3)
         inside = np.trapezoid(np.exp(law.density(grid, np.full(grid.shape, size), own, fine)).ravel(), grid.ravel())
         assert inside == pytest.approx(0.9, abs=0.005)
-    assert law.drawn(rng, (5, 2, 1), own).shape == (5, 2, 1)
+    # Several draws of its parameters, each for the errors of one draw; single errors are of size one.
+    three = law.drawn(rng, (20_000, 2, 3), {name: np.repeat(value, 3) for name, value in own.items()})
+    assert three.shape == (20_000, 2, 3)
+    assert is_independent(name) or three.std(axis=(0, 1)) == pytest.approx(1.0, abs=0.03)
     # Scaled residuals are those of which half the squares are the likelihood, where cells are narrow.
     residual = np.where(np.isfinite(recording.output)[..., None], rng.standard_normal((TIME.size, 1, 3)), 0.0)
     spread = [np.repeat(np.asarray(v)[:, None], 3, axis=1) for v in (np.zeros(3), noise)]

@@ -42,9 +42,11 @@ class Sines:
         return np.array([np.sin(angle) @ a, np.cos(angle) @ (a * w), -np.sin(angle) @ (a * w * w)])
 
 
-def held() -> Drive:
-    """Return an input that is held between its samples, of which each is a kink."""
+def held(*, close: bool = False) -> Drive:
+    """Return an input that is held between its samples, of which each is a kink; two of them may be close."""
     knots = np.arange(0.0, 6.01, 0.01)
+    if close:
+        knots = np.insert(knots, 301, knots[300] + 5e-6)
     values = Sines().evaluate(knots[:-1])[0]
     return Drive(knots, np.array([np.zeros_like(values), np.zeros_like(values), values]), knots[1:-1])
 
@@ -63,7 +65,7 @@ def recorded(drive: DriveLike, name: str = "one", end: float = 6.0) -> Experimen
 @cache
 def problem(kind: str) -> tuple[Problem, np.ndarray]:
     """Return a body with dry friction on long steps, all of it known but where it begins, and its start."""
-    experiment = recorded(Sines() if kind == "smooth" else held())
+    experiment = recorded(Sines() if kind == "smooth" else held(close=kind == "close"))
     model = Model("oscillator", EFFECTS, {n: v for n, v in KNOWN.items() if n != "xi"})
     bench = Bench("oscillator", EFFECTS, [experiment], STEP)
     made = Problem(model, bench, UNITS, {})
@@ -77,13 +79,14 @@ def error_on(bench: Bench, kind: str) -> float:
     return float(solver_errors([(replace(made, bench=bench), x)], exact)[0])
 
 
-@pytest.mark.parametrize("kind", ["smooth", "held"])
+@pytest.mark.parametrize("kind", ["smooth", "held", "close"])
 def test_a_kink_costs_short_steps_where_it_is(kind: str) -> None:
     made, x = problem(kind)
     bench = made.bench
     for _ in range(6):
         bench = halved_where_bent(bench, [(replace(made, bench=bench), x)])
     even = Bench.like(made.bench, STEP / 64)
+    assert bench.shortest == pytest.approx(STEP / 64, rel=1e-6)
     # Held inputs ask for a step a sample in any case.
     assert bench.cost < (0.2 if kind == "smooth" else 0.4) * even.cost
     assert error_on(bench, kind) < 10.0 * error_on(even, kind)
@@ -93,9 +96,9 @@ def test_a_kink_costs_short_steps_where_it_is(kind: str) -> None:
 def test_where_a_motion_is_smooth_nothing_bends_more_than_elsewhere() -> None:
     made, x = problem("smooth")
     smooth = replace(made, model=Model("oscillator", EFFECTS, {**made.model.known, "f_c": 0.0}))
-    (simulator,), (motion,) = made.bench.simulators, made.bench.motions(*smooth.expand(x[:, None]))
-    (rough,) = made.bench.motions(*made.expand(x[:, None]))
-    assert bends(simulator, motion).max() < 0.1 * bends(simulator, rough).max()
+    (calm,) = bends(made.bench.simulators, made.bench.motions(*smooth.expand(x[:, None])))
+    (rough,) = bends(made.bench.simulators, made.bench.motions(*made.expand(x[:, None])))
+    assert calm.max() < 0.1 * rough.max()
 
 
 def test_a_motion_that_blows_up_has_all_its_steps_halved() -> None:
@@ -122,3 +125,8 @@ def test_what_is_held_out_follows_its_own_motion() -> None:
     assert held_out.experiments[0].pace is not None
     assert held_out.evenly > 4.0
     assert held_out.cost < 0.2 * 9.0 / held_out.shortest
+    # Whichever bench asks first, steps are as short as the recording needs.
+    fine = HeldSimulators([other], UNITS, 1e-7)
+    first = fine.of(bench, [(made.model, made.named(x))], [other])
+    assert first.step == pytest.approx(fine.of(made.bench, [(made.model, made.named(x))], [other]).step)
+    assert first.step < 0.7 * STEP

@@ -1457,10 +1457,10 @@ def test_small_and_large_draws_are_told_in_a_power_of_ten(largest: float, power:
             "by its estimate alone it gains 2.00 there",
         ),
         (-1e-9, 0.0, ", and nothing on the held-out"),
-        (200.0, -381.0, "gains 50.0 nats in training and 200 held out, but by its estimate alone loses 381 there"),
-        (19.6, 0.0, "gains 50.0 nats in training and 19.6 held out, but by its estimate alone gains nothing there"),
-        (0.0, -3.0, "and nothing held out, and by its estimate alone loses 3.00 there"),
-        (200.0, 1.25, "but by its estimate alone gains only 1.25 there"),
+        (200.0, -381.0, "gains 50.0 nats in training and 200 held out, but by its estimate alone it loses 381 there"),
+        (19.6, 0.0, "gains 50.0 nats in training and 19.6 held out, but by its estimate alone it gains nothing there"),
+        (0.0, -3.0, "and nothing held out, and by its estimate alone it loses 3.00 there"),
+        (200.0, 1.25, "but by its estimate alone it gains only 1.25 there"),
     ],
 )
 def test_what_is_missed_held_out_is_told(held: float, ahead: float, said: str) -> None:

@@ -15,6 +15,7 @@ from discovery import close_loop, load_dataset
 from discovery.estimation.declared import first_fit
 from discovery.estimation.natural_units import natural_units
 from discovery.foundation.errors import InputError
+from discovery.mechanics import get_base
 from discovery.mechanics.first_angle import first_angle
 
 G, REACH, PULL, LOSS = 9.81, 0.2, 28.0, 0.15
@@ -101,7 +102,39 @@ def test_one_axis_tells_the_angle_nearer_to_rest(angle: float) -> None:
 
 def test_a_straight_reading_tells_by_itself() -> None:
     q = sp.Symbol("q", real=True)
-    assert first_angle([2.0 * q], q, np.array([[1.0, 0.0]])) is None
+    assert first_angle([2.0 * q, G * sp.sin(q)], q, np.array([[1.0, 0.0], [4.0, 0.0]])) is None
+
+
+def test_a_law_with_poles_or_without_a_value_tells_where_it_has_one() -> None:
+    q = sp.Symbol("q", real=True)
+    spot = first_angle([2.0 * sp.tan(q)], q, np.array([[2.0 * np.tan(0.6), 0.0]]))
+    assert spot is not None
+    assert spot[0] == pytest.approx(0.6, abs=0.15)  # within a twelfth of the range
+    slider = first_angle([sp.sqrt(0.25 - sp.sin(q) ** 2) - 0.5], q, np.array([[np.sqrt(0.25 - 0.09) - 0.5, 0.0]]))
+    assert slider is not None
+    assert np.sin(abs(slider[0])) == pytest.approx(0.3, abs=0.05)
+    assert first_angle([sp.sqrt(-1 - q**2)], q, np.array([[0.1, 0.0]])) is None
+
+
+@pytest.mark.parametrize(("reach", "order"), [(0.2, 0), (0.34, 0), (0.6, 2)])
+def test_a_lever_arm_changes_no_start(tmp_path: Path, reach: float, order: int) -> None:
+    text = RIG.replace("guess = 0.05", f"guess = {reach}").replace("guess = 20.0", f"guess = {PULL}")
+    base = get_base(load_dataset(written(tmp_path, 0.0, text)).rig.base)
+    assert base.order == order
+    for angle in (-2.1, 2.6, 1.0):
+        turns = -PULL * np.sin(angle)
+        read = [[G * np.sin(angle) + reach * turns, 0.0], [G * np.cos(angle), 0.0]]
+        told = base.began(np.array(read))
+        assert told is not None
+        assert told[0] * base.shape[0] == pytest.approx(angle, abs=0.02)
+
+
+def test_an_axis_that_is_not_quite_along_the_rod_tells_a_little(tmp_path: Path) -> None:
+    text = RIG.replace("gravity*sin(q) + reach*ddot(q)", "gravity*cos(q + tilt) + reach*dot(q)^2")
+    text = text.replace('also = { radial = "gravity*cos(q) + reach*dot(q)^2" }\n', "")
+    text = text.replace('also = { radial = { name = "z", unit = "m/s^2", noise = 0.05 } }\n', "")
+    text = text.replace("[system.constants]\n", '[system.constants]\ntilt = { value = 0.1, unit = "rad" }\n')
+    assert get_base(load_dataset(written(tmp_path, 0.0, text)).rig.base).order == 0
 
 
 def test_an_output_without_a_slope_at_rest_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import NamedTuple
 
 from discovery.declarations.units import si_factor, si_symbol, standard_unit
@@ -122,7 +123,7 @@ def is_asked_for(name: str) -> bool:
     (True, True, False)
     """
     words = words_of(name)
-    return bool(_ASKED.intersection(words)) or "set point" in " ".join(words)
+    return bool(_ASKED.intersection(words)) or ("set", "point") in pairwise(words)
 
 
 def _split(name: str) -> tuple[str, str | None]:

@@ -13,13 +13,10 @@ from discovery.estimation.held_states import fitted_states, known_problem
 from discovery.estimation.local_steps import halved_where_bent
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.step import choose_step
-from discovery.estimation.step_control import more_accurate, solver_errors
+from discovery.estimation.step_control import matters, more_accurate, solver_errors
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.start_names import is_start
 from discovery.recordings.experiment import Experiment
-
-#: An error of chi-square that matters, at least, and less than this part of what a model leaves beside noise does not.
-_WORTH, _LITTLE = 5.0, 1e-2
 
 #: Models with their values, on one bench.
 Models = Sequence[tuple[Model, Mapping[str, float]]]
@@ -60,8 +57,8 @@ class HeldSimulators:
         missed = [float(p.bench.chi2(*p.expand(x[:, None])).sum()) - bench.n_data for p, x in fits]
         while (finer := more_accurate(bench, even)) is not None:
             errors = solver_errors(fits, finer)
-            worth = (max(_WORTH, _LITTLE * each) for each in missed)
-            rough = [fit for fit, error, matters in zip(fits, errors, worth, strict=True) if np.inf > error > matters]
+            # What blows up is judged as that.
+            rough = [fit for fit, error, m in zip(fits, errors, missed, strict=True) if np.inf > error > matters(m)]
             if not rough:
                 break
             bench = halved_where_bent(bench, rough)
@@ -89,5 +86,5 @@ class HeldSimulators:
                 # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
                 self._wild.add(asked)
             else:
-                self._shares[kernel] = min(step / bench.shortest, 1.0)
+                self._shares[kernel] = min(step / (bench.shortest if rod else bench.step), 1.0)
         return self._shares.get(kernel, 1.0)

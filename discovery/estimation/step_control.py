@@ -32,6 +32,8 @@ _MORE = 8
 _DEAREST = 32
 #: Steps are far from blowing up where so many times longer ones do not.
 _FARTHER = 1.25
+#: A difference of chi-square that matters, at least; less than this part of the excess that a fit leaves does not.
+WORTH, _LITTLE = 5.0, 1e-2
 #: Steps that differ by less than this factor are the same.
 _SAME = 1.01
 #: Where a minimum is on other steps shows within so many iterations.
@@ -51,6 +53,11 @@ _ORDER = 5
 _ROUNDS, _FAR_BELOW, _AIM = 3, 0.5, 0.7
 #: and change by this factor at most.
 _MOST = 16.0
+
+
+def matters(excess: float) -> float:
+    """Return the difference of chi-square that matters to a fit that leaves so much more than noise."""
+    return max(WORTH, _LITTLE * excess)
 
 
 def more_accurate(bench: Bench, start: Bench) -> Bench | None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import re
 import warnings
 from collections import Counter
 from collections.abc import Sequence
 from io import StringIO
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +16,8 @@ import numpy.typing as npt
 from discovery.foundation.arrays import IntArray
 from discovery.foundation.encoding import decoded
 from discovery.foundation.errors import InputError
+from discovery.foundation.table_cells import BLANKS, UNIT, cells_of, commented_names, is_either_number, is_number
 
-_BLANKS = r"\s+"
 #: Rows in which a decimal comma is looked for.
 _LOOKED = 200
 #: Characters of a row without anything in its cells, as spreadsheets write them.
@@ -31,10 +29,6 @@ _AWAY, _SHOWN = "delete it or put # before it", 60
 _COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 #: May be a thousand or more as well as a number with three decimals.
 _THOUSAND = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-#: How a line of names begins whose first column is the time.
-_TIME = re.compile(r"t(ime)?\b", re.IGNORECASE)
-#: Units as headers have them below their names.
-_UNIT = re.compile(r"[\[(].*[\])]|-+")
 _OF_TIME = {"s", "ms", "us", "min", "sec", "msec", "second", "seconds"}
 
 
@@ -62,10 +56,10 @@ def parse_text(
     titles = _titles(rows, header)
     rows, lines = rows[titles:], lines[titles:]
     separator = _separator(rows, header)
-    first = _cells(rows[0], separator)
-    told = _commented_names(every[: int(lines[0]) - 1], separator, first) if header is None else []
+    first = cells_of(rows[0], separator)
+    told = commented_names(every[: int(lines[0]) - 1], separator, first) if header is None else []
     names = list(header) if header is not None else told or first
-    below = [*map(_is_either_number, _cells(rows[1], separator))] if len(rows) > 1 else []
+    below = [*map(is_either_number, cells_of(rows[1], separator))] if len(rows) > 1 else []
     _check_names(f"{path}, line {lines[0]}", rows[0], names, first, given=header is not None, below=below)
     top = ""
     if header is None and not told:
@@ -93,39 +87,39 @@ def unnamed_columns(path: Path) -> tuple[str, ...]:
     titles = _titles([every[number] for number in numbers], None)
     rows = [every[number] for number in numbers[titles : titles + 2]]
     separator = _separator(rows, None)
-    cells = _cells(rows[0], separator)
+    cells = cells_of(rows[0], separator)
     # There may be a mark behind the last column.
-    numbered = all(map(_is_either_number, cells[:-1] if cells[-1] == "" else cells))
-    named = not numbered or _commented_names(every[: numbers[titles]], separator, cells)
+    numbered = all(map(is_either_number, cells[:-1] if cells[-1] == "" else cells))
+    named = not numbered or commented_names(every[: numbers[titles]], separator, cells)
     return () if named else tuple(f"c{number}" for number in range(1, len(cells) + 1))
 
 
 def _separator(rows: Sequence[str], header: Sequence[str] | None) -> str:
     """Return a comma, a semicolon, a tab or the pattern of blanks."""
     first = rows[0]
-    for separator in (";", "\t", _BLANKS):
+    for separator in (";", "\t", BLANKS):
         # In a row of numbers with decimal commas, commas are the most frequent mark.
-        cells = _cells(first, separator)
-        if len(cells) > 1 and any(map(_COMMA.fullmatch, cells)) and all(map(_is_either_number, cells)):
+        cells = cells_of(first, separator)
+        if len(cells) > 1 and any(map(_COMMA.fullmatch, cells)) and all(map(is_either_number, cells)):
             return separator
     separator = max(",;\t", key=first.count)
     wanted = len(header) if header is not None else len(rows[min(1, len(rows) - 1)].split())
     found = first.count(separator) + 1
     alone = found == wanted if header is not None else found > 1
-    return _BLANKS if not alone and 1 < wanted == len(first.split()) else separator
+    return BLANKS if not alone and 1 < wanted == len(first.split()) else separator
 
 
 def _titles(rows: Sequence[str], header: Sequence[str] | None) -> int:
     """Return how many lines of titles stand above a first row of numbers, or above the names of its columns."""
     for above in range(min(_TITLES, len(rows) - 2) + 1):
         separator = _separator(rows[above : above + 2], header)
-        *titles, names, first = (_cells(row, separator) for row in rows[: above + 2])
+        *titles, names, first = (cells_of(row, separator) for row in rows[: above + 2])
         # There may be a mark behind the last column.
         names, first = (cells[:-1] if cells[-1:] == [""] else cells for cells in (names, first))
-        if len(names) == len(first) > 1 and all(map(_is_either_number, first)):
-            if not any(map(_is_either_number, names)):
+        if len(names) == len(first) > 1 and all(map(is_either_number, first)):
+            if not any(map(is_either_number, names)):
                 return above if all(sum(map(bool, title)) < len(names) for title in titles) else 0
-            unnamed = all(map(_is_either_number, names))
+            unnamed = all(map(is_either_number, names))
             return above if unnamed and all(_is_title(title, len(names), separator) for title in titles) else 0
     return 0
 
@@ -135,51 +129,25 @@ def _is_title(cells: Sequence[str], columns: int, separator: str) -> bool:
 
     What has marks between its cells may be names of columns, or a row with decimal commas; numbers alone are a row.
     """
-    numbers, size = sum(map(_is_either_number, cells)), len(cells)
-    return size == 1 or (separator == _BLANKS and (numbers < size < columns or (numbers == 0 and size > columns)))
-
-
-def _cells(row: str, separator: str) -> list[str]:
-    if separator == _BLANKS:
-        return row.split()
-    return [cell.strip() for cell in next(csv.reader([row], delimiter=separator))]
-
-
-def _commented_names(above: Sequence[str], separator: str, first: Sequence[str]) -> list[str]:
-    """Return the names of columns in the comments right above a first row of numbers; none where they name others.
-
-    A line of units may stand below them.
-    """
-    if not all(map(_is_either_number, first)):
-        return []
-    units: list[str] = []
-    for comment in takewhile(lambda line: line[:1] in ("#", "%"), map(str.strip, reversed(above))):
-        line = comment.lstrip("#% \t")
-        # Columns may be set out with blanks in the comment alone; single ones stand between words of a sentence, too.
-        ways = [_cells(line, separator), re.split(r"\s{2,}", line), line.split() if _TIME.match(line) else []]
-        names = next((found for found in ways if len(found) == len(first)), ways[0])
-        if len(names) == len(first) and not any(map(_is_either_number, names)):
-            if units or names[0][:1] not in ("[", "(") or not all(map(_UNIT.fullmatch, names)):
-                return [f"{name} {unit}" for name, unit in zip(names, units, strict=True)] if units else names
-            units = names
-    return units
+    numbers, size = sum(map(is_either_number, cells)), len(cells)
+    return size == 1 or (separator == BLANKS and (numbers < size < columns or (numbers == 0 and size > columns)))
 
 
 def _units_below(rows: Sequence[str], separator: str, columns: int) -> list[str]:
     """Return the units in a line between the names of columns and a first row of numbers, one of them that of time."""
-    words, first = (_cells(row, separator) for row in rows[:2]) if len(rows) > 1 else ([], [])
-    units = [word[1:-1] if _UNIT.fullmatch(word) and len(word) > 2 else word for word in words]
+    words, first = (cells_of(row, separator) for row in rows[:2]) if len(rows) > 1 else ([], [])
+    units = [word[1:-1] if UNIT.fullmatch(word) and len(word) > 2 else word for word in words]
     told = len(units) == columns > 1 and all(units) and any(unit.lower() in _OF_TIME for unit in units)
-    return units if told and not any(map(_is_either_number, units)) and all(map(_is_either_number, first)) else []
+    return units if told and not any(map(is_either_number, units)) and all(map(is_either_number, first)) else []
 
 
 def _decimal(rows: Sequence[str], separator: str) -> str:
     """Return the mark before the decimals: a comma where it stands in numbers that have no point, and no thousands."""
     if separator == ",":
         return "."
-    cells = [cell for row in rows[:_LOOKED] for cell in _cells(row, separator)]
+    cells = [cell for row in rows[:_LOOKED] for cell in cells_of(row, separator)]
     marked = [cell for cell in cells if _COMMA.fullmatch(cell)]
-    plain = any("." in cell and _is_number(cell) for cell in cells)
+    plain = any("." in cell and is_number(cell) for cell in cells)
     return "," if not plain and any(not _THOUSAND.fullmatch(cell) for cell in marked) else "."
 
 
@@ -188,8 +156,8 @@ def _check_quotes(path: Path, lines: IntArray, rows: Sequence[str]) -> None:
     last = rows[-1].strip()
     inside = last[1:-1]
     cells = re.split(r"[\t;,]", inside)
-    single = last == f'"{inside}"' and '"' not in inside and not _is_either_number(inside)
-    if single and len(cells) > 1 and all(map(_is_either_number, cells)):
+    single = last == f'"{inside}"' and '"' not in inside and not is_either_number(inside)
+    if single and len(cells) > 1 and all(map(is_either_number, cells)):
         raise InputError(
             f"{path}, line {lines[-1]}: the whole line stands between quotation marks, which makes it a single cell: "
             f"{_quoted(last)}. Delete all quotation marks in an editor, or export the table again without them."
@@ -200,13 +168,13 @@ def _check_names(
     where: str, row: str, names: Sequence[str], first: Sequence[str], *, given: bool, below: Sequence[bool]
 ) -> None:
     """Refuse a line that holds no names, as the row `below` it, of which cells are numbers, or names twice."""
-    if not given and any(told := [*map(_is_either_number, names)]) and (all(told) or told == below):
+    if not given and any(told := [*map(is_either_number, names)]) and (all(told) or told == below):
         raise InputError(
             f"{where}: the first line holds numbers, not column names. Add a header such as "
             "'time_s,motor_angle_rad,tip_x_m,tip_y_m', or for another system name the columns in the rig file, "
             'header = ["t", "y"] in [columns].'
         )
-    if given and not any(map(_is_either_number, first)):
+    if given and not any(map(is_either_number, first)):
         raise InputError(
             f"{where}: the first line holds names, not numbers, but the rig file gives a header: {_quoted(row)}. "
             f"Remove header from its [columns]; if it is a title, {_AWAY}."
@@ -218,8 +186,8 @@ def _check_names(
 
 def _check_cells(path: Path, lines: IntArray, rows: Sequence[str], separator: str, columns: int, top: str) -> None:
     """Refuse rows of other cells than the names ask for; `top` is the line that was taken for them, if one was."""
-    blanks = separator == _BLANKS
-    twice = bool(top) and not any(map(_is_either_number, _cells(rows[0], separator)))
+    blanks = separator == BLANKS
+    twice = bool(top) and not any(map(is_either_number, cells_of(rows[0], separator)))
     taken = f" Line {_quoted(top)} was taken for the names of the columns: if it is a title, {_AWAY}." if top else ""
     sizes = [len(row.split()) if blanks else row.count(separator) + 1 for row in rows]
     wide = sizes[: _TITLES + 1].count(columns)
@@ -279,16 +247,3 @@ def _read(path: Path, rows: Sequence[str], separator: str, names: Sequence[str])
         except pd.errors.ParserError as error:
             raise InputError(f"{path} is not a table: {error}. Give every row as many cells as the header.") from error
     return {name: frame[name].to_numpy() for name in names}
-
-
-def _is_either_number(text: str) -> bool:
-    """Say whether a text is a number, with a point or a comma before its decimals."""
-    return _is_number(text.replace(",", "."))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

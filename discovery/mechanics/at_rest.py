@@ -32,11 +32,12 @@ class AtRest(Base):
     def order_of(self, law: sp.Expr) -> int:
         """Return whether a reading is of positions, of rates, or of accelerations: 0, 1, or 2.
 
-        Of several it is of those that show most in it, at rest, in a motion at the natural frequency of the guesses.
+        It is of those that show most in it, at rest, in a motion of them alone at its frequency by the guesses.
         """
-        slopes = [np.linalg.norm(self.slopes(law, order)) for order in range(3)]
-        if np.count_nonzero(slopes) > 1:
-            return int(np.argmax(slopes * self.pace ** np.arange(3)))
+        slopes = [self.slopes(law, order) for order in range(3)]
+        shown = [np.linalg.norm(way) * self._pace(way) ** order for order, way in enumerate(slopes)]
+        if any(shown):
+            return int(np.argmax(shown))
         found, (_, rates, accelerations) = law.free_symbols, self.moving
         return 2 if found & {*accelerations, s.alpha_m} else 1 if found & {*rates, s.omega_m} else 0
 
@@ -45,11 +46,11 @@ class AtRest(Base):
         moving = self.moving[order]
         return self.numbers(sp.Matrix([[sp.diff(law, a).subs(dict.fromkeys(moving, 0)) for a in moving]]))[0]
 
-    @cached_property
-    def pace(self) -> float:
-        """Highest angular frequency of small motions, at the guesses; tiny where nothing pulls back [1/s]."""
-        squares = np.linalg.eigvals(np.linalg.solve(self.inertia, self.stiffness()))
-        return float(np.sqrt(max(np.abs(squares).max(), LOOSE)))
+    def _pace(self, way: NDArray) -> float:
+        """Return the angular frequency of motions along a way, at the guesses; tiny where nothing pulls back [1/s]."""
+        if not way.any():
+            return 0.0
+        return float(np.sqrt(max(abs(way @ self.stiffness() @ way) / (way @ self.inertia @ way), LOOSE)))
 
     @cached_property
     def guess(self) -> dict[sp.Symbol, float]:

@@ -212,10 +212,13 @@ class DeclaredBase(AtRest):
     def began(self, read):
         """Return the start of the one angle of a free system, read as a deflection; None where its reading is one."""
         (angle, *more), (unit, *_) = self.moving[0], self.declaration.coordinates.values()
-        if more or unit != "rad" or self.order or self.declaration.input is not None or not self.gradient.any():
+        bends = unit == "rad" and self.declaration.input is None and self.slopes(self.equations.output, 0).any()
+        if more or not bends:
             return None
-        moving = dict.fromkeys((*self.moving[1], *self.moving[2]), 0)
-        laws = [law.subs(moving).xreplace(self.guess) for law in (self.equations.output, *self._also)]
+        # At rest what pulls back is all that accelerates.
+        e, (rate,), (acceleration,) = self.equations, *self.moving[1:]
+        still = {acceleration: -sp.diff(e.potential, angle) / sp.diff(e.kinetic, rate, 2), rate: 0}
+        laws = [law.subs(still).xreplace(self.guess) for law in (e.output, *self._also)]
         found = first_angle(laws, angle, read)
         return None if found is None else (found[0] / self.shape[0], found[1] / self.shape[0])
 

@@ -11,25 +11,33 @@ from numpy.typing import NDArray
 #: Angles of a turn that are tried: nearer ones a fit finds by itself.
 _TRIED = 720
 #: Misfits that differ by less are the same, of the range of the readings squared: the angle nearer to rest is taken.
-_SAME = 1e-3
+_SAME = 1e-4
+#: Quantiles between which the range lies: a law may have a pole.
+_INSIDE = (0.05, 0.95)
 
 
 def first_angle(laws: Sequence[sp.Expr], angle: sp.Symbol, read: NDArray) -> tuple[float, float] | None:
-    """Return angle [rad] and rate [rad/s] with which readings begin; None where they are straight lines of the angle.
+    """Return angle [rad] and rate [rad/s] with which readings begin; None where the first is a straight line of it.
 
     `laws`: what is read at an angle at rest, everything else a number. `read` (c, 2): first value of every reading, and
     its rate; NaN of one that is first read later.
     """
     here = np.isfinite(read).all(axis=1)
-    if not here[0] or all(sp.diff(law, angle, 2) == 0 for law in laws):
+    if not here[0] or sp.diff(laws[0], angle, 2) == 0:
         return None
     tried = np.linspace(-np.pi, np.pi, _TRIED, endpoint=False)
-    values, slopes = (
-        np.array([np.broadcast_to(sp.lambdify(angle, law)(tried), tried.shape) for law in each])[here]
-        for each in (laws, [sp.diff(law, angle) for law in laws])
-    )
-    told = np.ptp(values, axis=1) > 0.0
-    sizes = np.ptp(values, axis=1)[told, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        values, slopes = (
+            np.array([np.broadcast_to(sp.lambdify(angle, law)(tried), tried.shape) for law in each])[here]
+            for each in (laws, [sp.diff(law, angle) for law in laws])
+        )
+    good = np.isfinite(values).all(axis=0) & np.isfinite(slopes).all(axis=0)
+    tried, values, slopes = tried[good], values[:, good], slopes[:, good]
+    low, high = np.quantile(values, _INSIDE, axis=1) if tried.size else np.zeros((2, len(values)))
+    told = high > low
+    if not told.any():
+        return None
+    sizes = (high - low)[told, None]
     misfit = np.square((values[told] - read[here][told, :1]) / sizes).sum(axis=0)
     near = np.flatnonzero(misfit < misfit.min() + _SAME)
     best = near[np.argmin(np.abs(tried[near]))]

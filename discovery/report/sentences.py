@@ -169,7 +169,8 @@ def _held_out(numbers: Record) -> str:
     held, ahead = numbers["held"], numbers["ahead"]
     if ahead < held and not abs(ahead - held) < _NOTHING:
         alone = _change(ahead, few=True) if abs(ahead) >= _NOTHING else "gains nothing"
-        return f"the log evidence {_both(numbers)}, {'but' if held > 0 else 'and'} by its estimate alone {alone} there"
+        joined = "but" if held > 0 else "and"
+        return f"the log evidence {_both(numbers)}, {joined} by its estimate alone it {alone} there"
     # After "gains" in training the verb is said again only of another one.
     missed = f"but {_change(held, few=True).removeprefix('gains ')}" if abs(held) >= _NOTHING else "and nothing"
     alone = f" over the intervals of its parameters; by its estimate alone it gains {plain(ahead)} there"

@@ -13,17 +13,15 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.local_steps import halved_where_bent
 from discovery.estimation.problem import Problem
-from discovery.estimation.step_control import cheapest, more_accurate, solver_errors
+from discovery.estimation.step_control import WORTH, cheapest, matters, more_accurate, solver_errors
 from discovery.screening.attribution import Candidate
 from discovery.screening.finite import declared_starts
 from discovery.screening.refits import Refit, best_of, refit, settled
 
 #: Only the best are looked at, by chi-square and by score.
 _LEADING, _PROMISING = 3, 8
-#: A difference of chi-square that matters, at least;
-_WORTH = 5.0
-#: less than this part of the excess that a refit leaves does not, nor less than this part of how far it is behind.
-_LITTLE, _NEARER = 1e-2, 0.1
+#: A difference of chi-square that is less than this part of how far a refit is behind does not matter.
+_NEARER = 0.1
 #: A refit that leaves so much more than noise may have been stopped by motions that blew up.
 _MUCH = 0.01
 #: Effects with more declared values than this begin at their linear starts only.
@@ -70,7 +68,7 @@ def _leading(best: Mapping[str, Refit], shortlist: Sequence[Candidate]) -> list[
 
 def _worth(refit: Refit, least: float) -> float:
     """Return how much of chi-square matters to a refit, where `least` is what the best one leaves."""
-    return max(_WORTH, _LITTLE * (refit.chi2 - refit.problem.bench.n_data), _NEARER * (refit.chi2 - least))
+    return max(matters(refit.chi2 - refit.problem.bench.n_data), _NEARER * (refit.chi2 - least))
 
 
 def _unresolved(refits: Mapping[str, Refit | None], bench: Bench, least: float) -> tuple[list[str], list[str]]:
@@ -100,5 +98,5 @@ def _again(
 
 def _cheaper(refit: Refit, bench: Bench) -> Refit:
     """Return the same minimum on simulators that cost less, if it is one there."""
-    problem, minimum = cheapest(refit.problem, refit.minimum, bench, worth=_WORTH)
+    problem, minimum = cheapest(refit.problem, refit.minimum, bench, worth=WORTH)
     return replace(refit, problem=problem, minimum=minimum)

@@ -148,9 +148,7 @@ class Noise(ABC):
 
     @classmethod
     @abstractmethod
-    def density(
-        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
-    ) -> FloatArray:
+    def density(cls, error: FloatArray, size: FloatArray, own: Own, step: FloatArray) -> FloatArray:
         """Return the log density of the error of each reading alone, shape (n, c, k).
 
         `error`, `size` (n, c, k): of readings, and of the noise, in their unit. `own`: draws of its parameters.
@@ -191,9 +189,7 @@ class GaussianErrors:
         return rng.standard_normal(shape)
 
     @classmethod
-    def density(
-        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
-    ) -> FloatArray:
+    def density(cls, error: FloatArray, size: FloatArray, own: Own, step: FloatArray) -> FloatArray:
         """Return the Gaussian log density."""
         return np.asarray(stats.norm.logpdf(error, scale=size))
 

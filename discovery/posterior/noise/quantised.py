@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,7 +13,7 @@ from scipy.special import log_ndtr
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
-from discovery.posterior.noise.model import GaussianErrors, Instrument, Noise, seen_by
+from discovery.posterior.noise.model import GaussianErrors, Instrument, Noise, Own, seen_by
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -85,9 +84,7 @@ class Quantised(GaussianErrors, Noise):
         return cls(part, (), cells)
 
     @classmethod
-    def density(
-        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
-    ) -> FloatArray:
+    def density(cls, error: FloatArray, size: FloatArray, own: Own, step: FloatArray) -> FloatArray:
         """Return the log probability of the cell of each reading, over its size."""
         half = 0.5 * step
         # From the tail in which both its ends lie.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -86,9 +85,7 @@ class StudentT(Noise):
         return rng.standard_t(own["nu"], shape)
 
     @classmethod
-    def density(
-        cls, error: FloatArray, size: FloatArray, own: Mapping[str, FloatArray], step: FloatArray
-    ) -> FloatArray:
+    def density(cls, error: FloatArray, size: FloatArray, own: Own, step: FloatArray) -> FloatArray:
         """Return the log density of Student's t."""
         return np.asarray(stats.t.logpdf(error / size, own["nu"]) - np.log(size))
 
