@@ -129,7 +129,9 @@ def _taken() -> list[str]:
     """Return the section of the names that a constant of a declared system may not have."""
     names, beginnings = taken_names()
     single = [n for n in names if len(n) > 1 and n.partition("_")[0] not in beginnings]
-    told = textwrap.fill(", ".join(f"`{n}`" for n in sorted(single, key=lambda n: (n.lower(), n))), 118, break_on_hyphens=False)
+    told = textwrap.fill(
+        ", ".join(f"`{n}`" for n in sorted(single, key=lambda n: (n.lower(), n))), 118, break_on_hyphens=False
+    )
     beginning = textwrap.fill(", ".join(f"`{b}`" for b in beginnings), 118)
     return ["## Names that are taken", "", _TAKEN, "", f"{told}.", "", _PROGRAM.format(beginning), ""]
 
