@@ -123,7 +123,7 @@ def test_what_is_held_out_follows_its_own_motion() -> None:
     held_out = simulators.of(bench, [(made.model, made.named(x))], [other])
     assert simulators.of(bench, [(made.model, made.named(x))], [other]) is held_out
     assert held_out.experiments[0].pace is not None
-    assert held_out.evenly > 4.0
+    assert held_out.charge > 4 * held_out.cost
     assert held_out.cost < 0.2 * 9.0 / held_out.shortest
     # Whichever bench asks first, steps are as short as the recording needs.
     fine = HeldSimulators([other], UNITS, 1e-7)

@@ -221,10 +221,14 @@ class Bench:
         return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
     @property
-    def evenly(self) -> float:
-        """How many times the steps there would be if all were as short as the shortest."""
-        whole = [float(s.grid.steps.sum()) / s.grid.steps.size for s in self.simulators]
-        return max(1.0, max(whole) / self.shortest)
+    def charge(self) -> int:
+        """Steps that count against a limit of work: of an arm those that are taken.
+
+        Of other systems those of a recording whose motion is not known, as if all were as short as the shortest.
+        """
+        if self.experiments[0].system.has_rod:
+            return self.cost
+        return round(max(float(s.grid.steps.sum()) for s in self.simulators) / self.shortest)
 
     @cached_property
     def seen(self) -> tuple[float, float]:

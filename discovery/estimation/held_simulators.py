@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.held_states import fitted_states, known_problem
-from discovery.estimation.local_steps import halved_where_bent
+from discovery.estimation.local_steps import resolving
 from discovery.estimation.natural_units import NaturalUnits
 from discovery.estimation.step import choose_step
-from discovery.estimation.step_control import matters, more_accurate, solver_errors
 from discovery.foundation.errors import ComputationError
 from discovery.foundation.start_names import is_start
 from discovery.recordings.experiment import Experiment
@@ -47,23 +43,9 @@ class HeldSimulators:
         key = (bench.base, bench.effects, step, recorded, laws)
         if key not in self._benches:
             even = Bench(bench.base, bench.effects, experiments, step)
-            self._benches[key] = self._resolved(even, models) if local else even
+            alone = [known_problem(model, values, even, self.units) for model, values in models if local]
+            self._benches[key] = resolving(even, [*zip(alone, fitted_states(alone), strict=True)]) if local else even
         return self._benches[key]
-
-    def _resolved(self, bench: Bench, models: Models) -> Bench:
-        """Return a bench of held-out recordings on steps that are short where the motions of models bend."""
-        alone = [known_problem(model, values, bench, self.units) for model, values in models]
-        fits, even = [*zip(alone, fitted_states(alone), strict=True)], bench
-        missed = [float(p.bench.chi2(*p.expand(x[:, None])).sum()) - bench.n_data for p, x in fits]
-        while (finer := more_accurate(bench, even)) is not None:
-            errors = solver_errors(fits, finer)
-            # What blows up is judged as that.
-            rough = [fit for fit, error, m in zip(fits, errors, missed, strict=True) if np.inf > error > matters(m)]
-            if not rough:
-                break
-            bench = halved_where_bent(bench, rough)
-            fits = [(replace(p, bench=bench), x) for p, x in fits]
-        return bench
 
     def _share(self, bench: Bench, models: Models) -> float:
         """Return how much finer steps the held-out recordings need than the fitted ones, over these.

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
+from discovery.estimation.step_control import matters, more_accurate, solver_errors
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.simulation.grid import Grid, Pace
 from discovery.simulation.simulate import Simulator
@@ -26,12 +27,15 @@ Fitted = tuple[Problem, FloatArray]
 def halved_where_bent(bench: Bench, fits: Sequence[Fitted]) -> Bench:
     """Return the same bench on steps half as long where the motion of any fit bends most within them.
 
-    All are half as long where a motion is not finite. Those that make up most of the error of a fit are halved, as in
-    W. Doerfler, SIAM Journal on Numerical Analysis 33 (1996) 1106. A kink that no step resolves, as that of a velocity
-    at a turn with dry friction, then costs a few short steps, where all of them had to be short.
+    All are half as long where a motion is not finite, and those of an arm, whose rod rings everywhere. Those that make
+    up most of the error of a fit are halved, as in W. Doerfler, SIAM Journal on Numerical Analysis 33 (1996) 1106. A
+    kink that no step resolves, as that of a velocity at a turn with dry friction, then costs a few short steps, where
+    all of them had to be short.
 
     `fits` each (p,): problems with the effects of the bench, and their values.
     """
+    if bench.experiments[0].system.has_rod:
+        return bench.finer(2)
     marks = [np.zeros(simulator.grid.steps.size, bool) for simulator in bench.simulators]
     for problem, x in fits:
         motions = bench.motions(*replace(problem, bench=bench).expand(x[:, None]))
@@ -40,6 +44,26 @@ def halved_where_bent(bench: Bench, fits: Sequence[Fitted]) -> Bench:
         for mark, most in zip(marks, _most(bends(bench.simulators, motions)), strict=True):
             mark |= most
     return _halved(bench, marks)
+
+
+def resolving(bench: Bench, fits: Sequence[Fitted]) -> Bench:
+    """Return the same bench on steps that are short where motions bend, until no fit errs by what matters to it.
+
+    What blows up is judged as that. The steps of an arm, whose rod rings, are kept.
+    """
+    if bench.experiments[0].system.has_rod:
+        return bench
+    first, problems = bench, [problem for problem, _ in fits]
+    points = [x for _, x in fits]
+    while (finer := more_accurate(bench, first)) is not None:
+        fits = [(replace(problem, bench=bench), x) for problem, x in zip(problems, points, strict=True)]
+        errors = solver_errors(fits, finer)
+        left = [float(bench.chi2(*problem.expand(x[:, None])).sum()) - bench.n_data for problem, x in fits]
+        rough = [fit for fit, error, excess in zip(fits, errors, left, strict=True) if np.inf > error > matters(excess)]
+        if not rough:
+            break
+        bench = halved_where_bent(bench, rough)
+    return bench
 
 
 def bends(simulators: Sequence[Simulator], motions: Sequence[FloatArray]) -> list[FloatArray]:

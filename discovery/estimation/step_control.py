@@ -63,17 +63,7 @@ def matters(excess: float) -> float:
 def more_accurate(bench: Bench, start: Bench) -> Bench | None:
     """Return simulators on half the steps; None where these would be too many for sets that begin on others."""
     finer = bench.finer(2)
-    return finer if _charged(finer) <= min(_MOST_STEPS, _DEAREST * start.cost) else None
-
-
-def _charged(bench: Bench) -> int:
-    """Return the steps that count against a limit: of an arm those that are taken.
-
-    Of other systems those of a recording whose motion is not known: all of them are as short as the shortest.
-    """
-    if bench.experiments[0].system.has_rod:
-        return bench.cost
-    return round(bench.cost * bench.evenly)
+    return finer if finer.charge <= min(_MOST_STEPS, _DEAREST * start.charge) else None
 
 
 def solver_errors(fits: Sequence[tuple[Problem, FloatArray]], bench: Bench) -> FloatArray:
@@ -129,7 +119,7 @@ def tightened(bench: Bench, error: float, allowed: float) -> Bench | None:
         return None
     # The error falls with the fourth power of the step.
     found = bench.finer(1 / max(0.25, 0.8 * (allowed / error) ** 0.25))
-    return found if _charged(found) <= _MOST_STEPS else None
+    return found if found.charge <= _MOST_STEPS else None
 
 
 def affordable_bench(

@@ -45,9 +45,7 @@ def resolved(minimum: Minimum, problem: Problem, shortlist: Sequence[Candidate],
         if not rough:
             break
         begun = [latest[e] for e in rough if e in latest]
-        # The ringing of a rod is everywhere.
-        local = not (blown or bench.experiments[0].system.has_rod)
-        bench = halved_where_bent(bench, [(r.problem, r.minimum.x) for r in begun]) if local else finer
+        bench = finer if blown else halved_where_bent(bench, [(r.problem, r.minimum.x) for r in begun])
         for r in _again(minimum, replace(problem, bench=bench), shortlist, begun, blown):
             # What blows up even so may do on simulators that are more accurate still.
             latest[r.effect], before = r, best.get(r.effect)

@@ -132,7 +132,7 @@ def contenders(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) 
 def _freed(context: Context, sets: Sequence[tuple[tuple[str, ...], Refit]]) -> list[tuple[tuple[str, ...], Refit]]:
     """Return sets with what their laws hold by convention free: held, one law would seem better than another."""
     own = [r.problem for _, r in sets]
-    problems = [replace(p, gaussian={**p.gaussian, **context.conventions(p.model)}) for p in own]
+    problems = [context.freed(p) for p in own]
     new = [i for i, p in enumerate(problems) if len(p.gaussian) > len(own[i].gaussian)]
     starts = [problems[i].start(sets[i][1].values) for i in new]
     minima = fit_problems([problems[i] for i in new], starts, iterations=_ITERATIONS, tolerance=1e-4, rough=True)

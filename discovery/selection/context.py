@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from discovery.estimation.fit import Fit, fit
 from discovery.estimation.holdout import HoldOut
 from discovery.estimation.log_evidence import constant_score
 from discovery.estimation.natural_units import NaturalUnits
-from discovery.estimation.problem import conventions
+from discovery.estimation.problem import Problem, conventions
 from discovery.estimation.step_control import affordable_bench, unequal_bench
 from discovery.foundation.progress import Tell
 from discovery.recordings.experiment import Experiment
@@ -76,9 +76,9 @@ class Context:
         """Return the effects of a model that are not declared."""
         return tuple(e for e in model.effects if e not in self.train[0].rig.declared)
 
-    def conventions(self, model: Model) -> dict[str, tuple[float, float]]:
-        """Return what the added effects of a model hold by convention, see `estimation.problem.conventions`."""
-        return conventions(self.added(model), self.units)
+    def freed(self, problem: Problem) -> Problem:
+        """Return a problem with what its added effects hold by convention free, see `estimation.problem`."""
+        return replace(problem, gaussian={**problem.gaussian, **conventions(self.added(problem.model), self.units)})
 
     def stated_error(self, model: Model) -> float:
         """Return the error that mechanics state of themselves, over the smallest noise of any channel [noise sds]."""

@@ -12,14 +12,14 @@ from discovery.estimation.bench import Bench
 from discovery.estimation.covariance import covariance_of, given, solver_shift
 from discovery.estimation.fit import SHIFT, Fit
 from discovery.estimation.generalised import generalised
+from discovery.estimation.local_steps import resolving
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.step_control import tightened
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 
 _ITERATIONS = 25
-#: Rounds of more accurate simulators where the solver still shifts an estimate.
-_FINER = 3
+_FINER = 3  #: Rounds of more accurate simulators where the solver still shifts an estimate.
 
 
 def on_mechanics(contender: Contender, base: str, context: Context) -> Contender | None:
@@ -30,27 +30,27 @@ def on_mechanics(contender: Contender, base: str, context: Context) -> Contender
         return None
     other = replace(problem, model=problem.model.on_base(base), bench=bench)
     (minimum,) = fit_problems([other], [other.start(contender.refit.values)], iterations=_ITERATIONS, rough=True)
-    if not np.isfinite(minimum.cost):
-        return None
-    return contenders(context, [(contender.added, replace(contender.refit, problem=other, minimum=minimum))])[0]
+    moved = replace(contender.refit, problem=other, minimum=minimum)
+    return contenders(context, [(contender.added, moved)])[0] if np.isfinite(minimum.cost) else None
 
 
 def settled(contender: Contender, context: Context, bench: Bench | None = None) -> Contender:
     """Return a set at the estimates of generalised least squares, what its laws hold by convention free.
 
-    `bench`: other simulators of its recordings. Where more than noise is left, a fit from what is declared is led there
-    as well. Where the motion blows up, the set is returned as it is.
+    `bench`: other simulators of its recordings; by default its own, or finer ones that it needs now. Where more than
+    noise is left, a fit from what is declared is led there as well. Where it blows up, the set is returned as it is.
     """
     problem, values = contender.refit.problem, contender.refit.values
-    known = {**problem.gaussian, **context.conventions(problem.model)}
-    problem = replace(problem, gaussian=known, bench=bench or problem.bench)
-    starts = [problem.start(values)]
-    if not contender.leaves_noise(context):
-        starts.append(from_declared(problem, values, contender.added))
+    problem = replace(context.freed(problem), bench=bench or problem.bench)
+    led = [] if contender.leaves_noise(context) else [from_declared(problem, values, contender.added)]
+    starts = [problem.start(values), *led]
     sizes = [contender.error_size] * len(starts)
     minimum, *others = generalised([problem] * len(starts), starts, sizes, iterations=_ITERATIONS, tolerance=1e-6)
     minimum = next((m for m in others if m.cost < minimum.cost - context.settings.nats), minimum)
     refit = replace(contender.refit, problem=problem, minimum=minimum)
+    finer = resolving(problem.bench, [(problem, minimum.x)]) if bench is None else problem.bench
+    if finer is not problem.bench:
+        return settled(replace(contender, refit=refit), context, finer)
     (found,) = contenders(context, [(contender.added, refit)])
     return found if np.isfinite(found.joint) else contender
 
