@@ -49,10 +49,14 @@ of the small oscillation, an oscillator's coordinate and its input in their larg
 not switch its effect; a fixed one is a convention, which the loop fits at its end where it has added the effect. Where
 bases are named, the others contain the effect or cannot show it.
 """
-_TAKEN = """A constant of a [declared system](YOUR_SYSTEM.md) has another name than what effects and mechanics call theirs, whether
-a model has them or not:"""
-_PROGRAM = """The compiled program needs these, and every name that begins with one of them and an underscore, such as `drive_loss`:
-{}."""
+_TAKEN = (
+    "A constant of a [declared system](YOUR_SYSTEM.md) has another name than what effects and mechanics call theirs, "
+    "whether a model has them or not: {}."
+)
+_PROGRAM = (
+    "The compiled program needs these, and every name that begins with one of them and an underscore, such as "
+    "`drive_loss`: {}."
+)
 
 
 def _block(found: re.Match[str]) -> str:
@@ -129,11 +133,9 @@ def _taken() -> list[str]:
     """Return the section of the names that a constant of a declared system may not have."""
     names, beginnings = taken_names()
     single = [n for n in names if len(n) > 1 and n.partition("_")[0] not in beginnings]
-    told = textwrap.fill(
-        ", ".join(f"`{n}`" for n in sorted(single, key=lambda n: (n.lower(), n))), 118, break_on_hyphens=False
-    )
-    beginning = textwrap.fill(", ".join(f"`{b}`" for b in beginnings), 118)
-    return ["## Names that are taken", "", _TAKEN, "", f"{told}.", "", _PROGRAM.format(beginning), ""]
+    told = (_TAKEN, sorted(single, key=lambda n: (n.lower(), n))), (_PROGRAM, beginnings)
+    filled = (textwrap.fill(text.format(", ".join(f"`{n}`" for n in each)), 118) for text, each in told)
+    return ["## Names that are taken", "", "\n\n".join(filled), ""]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
