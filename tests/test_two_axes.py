@@ -16,7 +16,7 @@ from discovery.estimation.declared import first_fit
 from discovery.estimation.natural_units import natural_units
 from discovery.foundation.errors import InputError
 from discovery.mechanics import get_base
-from discovery.mechanics.first_angle import first_angle
+from discovery.mechanics.first_angle import ReadByAngle
 
 G, REACH, PULL, LOSS = 9.81, 0.2, 28.0, 0.15
 RIG = """
@@ -61,6 +61,11 @@ def written(folder: Path, dry: float, rig: str = RIG) -> Path:
         np.savetxt(folder / f"{name}.csv", np.column_stack(table), "%.6g", ",", header="time,x,z", comments="")
     (folder / "rig.toml").write_text(rig, encoding="utf-8")
     return folder / "rig.toml"
+
+
+def first_angle(laws: list[sp.Expr], angle: sp.Symbol, read: np.ndarray) -> tuple[float, float] | None:
+    turn = ReadByAngle.of(laws, angle)
+    return None if turn is None else turn.begin(read)
 
 
 def test_a_release_from_a_large_angle_is_found(tmp_path: Path) -> None:
@@ -124,7 +129,7 @@ def test_a_lever_arm_changes_no_start(tmp_path: Path, reach: float, order: int) 
     for angle in (-2.1, 2.6, 1.0):
         turns = -PULL * np.sin(angle)
         read = [[G * np.sin(angle) + reach * turns, 0.0], [G * np.cos(angle), 0.0]]
-        told = base.began(np.array(read))
+        told = base.first_state(np.array(read))
         assert told is not None
         assert told[0] * base.shape[0] == pytest.approx(angle, abs=0.02)
 

@@ -221,12 +221,17 @@ class Bench:
         return self.step * min((e.pace.least for e in self.experiments if e.pace is not None), default=1.0)
 
     @property
+    def has_rod(self) -> bool:
+        """Whether it is of an arm, whose rod rings everywhere; of other systems steps follow the motion."""
+        return self.experiments[0].system.has_rod
+
+    @property
     def charge(self) -> int:
         """Steps that count against a limit of work: of an arm those that are taken.
 
         Of other systems those of a recording whose motion is not known, as if all were as short as the shortest.
         """
-        if self.experiments[0].system.has_rod:
+        if self.has_rod:
             return self.cost
         return round(max(float(s.grid.steps.sum()) for s in self.simulators) / self.shortest)
 

@@ -36,7 +36,7 @@ class HeldSimulators:
         Their steps are those that these recordings need by the first of the models that moves through them; where those
         of training are shorter where a motion bends, so are they, where theirs does.
         """
-        local = not bench.experiments[0].system.has_rod and bench.shortest < bench.step
+        local = not bench.has_rod and bench.shortest < bench.step
         step = self._share(bench, models) * (bench.step if local else bench.shortest)
         laws = (bench.shortest, frozenset(model.effects for model, _ in models)) if local else ()
         recorded = tuple((e.recording.name, e.recording.time.size) for e in experiments)
@@ -53,8 +53,7 @@ class HeldSimulators:
         The first set that moves through them decides: later ones do not ask again.
         """
         # Of two paces of an arm the shortest steps differ; those of other systems follow the motion of a set.
-        rod = bench.experiments[0].system.has_rod
-        kernel = bench.base, bench.effects, bench.shortest / bench.step if rod else 1.0
+        kernel = bench.base, bench.effects, bench.shortest / bench.step if bench.has_rod else 1.0
         for model, values in models:
             asked = kernel, model.effects, frozenset(values.items())
             if kernel in self._shares:
@@ -68,5 +67,5 @@ class HeldSimulators:
                 # A model that is good for the fitted recordings may blow up beyond them, whatever the step.
                 self._wild.add(asked)
             else:
-                self._shares[kernel] = min(step / (bench.shortest if rod else bench.step), 1.0)
+                self._shares[kernel] = min(step / (bench.shortest if bench.has_rod else bench.step), 1.0)
         return self._shares.get(kernel, 1.0)

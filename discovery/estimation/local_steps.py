@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from discovery.estimation.bench import Bench
 from discovery.estimation.problem import Problem
-from discovery.estimation.step_control import matters, more_accurate, solver_errors
+from discovery.estimation.step_control import WORTH, matters, more_accurate, solver_errors
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.simulation.grid import Grid, Pace
 from discovery.simulation.simulate import Simulator
@@ -34,7 +34,7 @@ def halved_where_bent(bench: Bench, fits: Sequence[Fitted]) -> Bench:
 
     `fits` each (p,): problems with the effects of the bench, and their values.
     """
-    if bench.experiments[0].system.has_rod:
+    if bench.has_rod:
         return bench.finer(2)
     marks = [np.zeros(simulator.grid.steps.size, bool) for simulator in bench.simulators]
     for problem, x in fits:
@@ -51,19 +51,23 @@ def resolving(bench: Bench, fits: Sequence[Fitted]) -> Bench:
 
     What blows up is judged as that. The steps of an arm, whose rod rings, are kept.
     """
-    if bench.experiments[0].system.has_rod:
+    if bench.has_rod:
         return bench
-    first, problems = bench, [problem for problem, _ in fits]
-    points = [x for _, x in fits]
+    first = bench
     while (finer := more_accurate(bench, first)) is not None:
-        fits = [(replace(problem, bench=bench), x) for problem, x in zip(problems, points, strict=True)]
+        fits = [(replace(problem, bench=bench), x) for problem, x in fits]
         errors = solver_errors(fits, finer)
-        left = [float(bench.chi2(*problem.expand(x[:, None])).sum()) - bench.n_data for problem, x in fits]
-        rough = [fit for fit, error, excess in zip(fits, errors, left, strict=True) if np.inf > error > matters(excess)]
+        erring = [(fit, error) for fit, error in zip(fits, errors, strict=True) if WORTH < error < np.inf]
+        rough = [fit for fit, error in erring if error > matters(_excess(*fit))]
         if not rough:
             break
         bench = halved_where_bent(bench, rough)
     return bench
+
+
+def _excess(problem: Problem, x: FloatArray) -> float:
+    """Return by how much the chi-square of a fit is more than that of noise."""
+    return float(problem.bench.chi2(*problem.expand(x[:, None])).sum()) - problem.bench.n_data
 
 
 def bends(simulators: Sequence[Simulator], motions: Sequence[FloatArray]) -> list[FloatArray]:

@@ -67,7 +67,7 @@ def start_values(
     found = []
     for i, e in enumerate(experiments):
         told = model.mechanics.begun(e.first_readings) if begins else {}
-        begin = model.mechanics.began(e.first_readings) or e.initial_state(time)
+        begin = model.mechanics.first_state(e.first_readings) or e.initial_state(time)
         for row, (size, guess) in enumerate(zip(sizes, begin, strict=False)):
             if e.recording.at_rest and row == rate:
                 least = _REST * size

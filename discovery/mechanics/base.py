@@ -241,7 +241,7 @@ class Base(ABC):
         rod [q] and the turn of its root per curvature [-], see `discovery.equations.program.Program.form`.
         """
 
-    def began(self, read: NDArray) -> tuple[float, float] | None:
+    def first_state(self, read: NDArray) -> tuple[float, float] | None:
         """Return the start that readings tell, deflection and its rate, where they are no lines of it; None otherwise.
 
         `read` (c, 2): as for `begun`.

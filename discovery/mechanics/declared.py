@@ -19,7 +19,7 @@ from discovery.mechanics.declared_equations import (
     constant_parameter,
     unread_coordinates,
 )
-from discovery.mechanics.first_angle import first_angle
+from discovery.mechanics.first_angle import ReadByAngle
 from discovery.mechanics.lagrangian import total_derivative
 from discovery.mechanics.rod import STRAIGHT
 
@@ -168,7 +168,7 @@ class DeclaredBase(AtRest):
         """The output, and what is read beside it."""
         return (*super().channels, *self.equations.also)
 
-    @property
+    @cached_property
     def orders(self):
         """Those of the output, and of what is read beside it."""
         return (self.order, *map(self.order_of, self._also))
@@ -209,8 +209,14 @@ class DeclaredBase(AtRest):
             q, rates = q + each.way[:, None] * np.asarray(moved), rates + each.way[:, None] * np.asarray(moving)
         return q, rates
 
-    def began(self, read):
+    def first_state(self, read):
         """Return the start of the one angle of a free system, read as a deflection; None where its reading is one."""
+        found = None if self._by_angle is None else self._by_angle.begin(read)
+        return None if found is None else (found[0] / self.shape[0], found[1] / self.shape[0])
+
+    @cached_property
+    def _by_angle(self) -> ReadByAngle | None:
+        """What is read by the one angle of a free system; None of any other."""
         (angle, *more), (unit, *_) = self.moving[0], self.declaration.coordinates.values()
         bends = unit == "rad" and self.declaration.input is None and self.slopes(self.equations.output, 0).any()
         if more or not bends:
@@ -218,9 +224,7 @@ class DeclaredBase(AtRest):
         # At rest what pulls back is all that accelerates.
         e, (rate,), (acceleration,) = self.equations, *self.moving[1:]
         still = {acceleration: -sp.diff(e.potential, angle) / sp.diff(e.kinetic, rate, 2), rate: 0}
-        laws = [law.subs(still).xreplace(self.guess) for law in (e.output, *self._also)]
-        found = first_angle(laws, angle, read)
-        return None if found is None else (found[0] / self.shape[0], found[1] / self.shape[0])
+        return ReadByAngle.of([law.subs(still).xreplace(self.guess) for law in (e.output, *self._also)], angle)
 
     def begun(self, read):
         """Return what tells where coordinates that are not the output's begin, and how fast, by parameter.
@@ -228,7 +232,7 @@ class DeclaredBase(AtRest):
         Of places that are read beside an output that is one, as the linear motion about rest has them.
         """
         laws, ways = self._also, self.unread()
-        told = np.array([self.order_of(law) == 0 for law in laws], bool) & np.isfinite(read[1:]).all(axis=1)
+        told = (np.array(self.orders[1:], int) == 0) & np.isfinite(read[1:]).all(axis=1)
         if self.order or not ways or not told.any() or not np.isfinite(read[0]).all():
             return {}
         slopes = self.numbers(sp.Matrix([[sp.diff(law, a) for a in self.moving[0]] for law in laws]))[told]
