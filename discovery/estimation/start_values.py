@@ -18,8 +18,8 @@ from discovery.recordings.experiment import Experiment
 
 #: An initial state is known from the data to this part of the amplitude.
 _KNOWN = 0.01
-#: Of its prior, what is left of a start at rest.
-_REST = 1e-5
+#: Of its prior, what is left of a start at rest: little enough that a misfit of any size does not outweigh it.
+_REST = 1e-9
 #: States of a swing whose acceleration is read, over those of a linear one.
 _BENT = (1.0, 0.7, 0.45, 1.4)
 
