@@ -34,17 +34,17 @@ CODES: dict[str, Words] = {
     ),
     "held": (
         "left_out",
-        "{column!r} stands still at {level:unit} until {until:.4g} s and then leaves: something holds the body until "
+        "{column!r} stands still at {level:unit} until {until:time} s and then leaves: something holds the body until "
         "then. The recording is taken from its release on, as with samples = {part}.",
     ),
     "held_long": (
         "doubt",
-        "{column!r} stands still at {level:unit} until {until:.4g} s and then leaves: something holds the body until "
+        "{column!r} stands still at {level:unit} until {until:time} s and then leaves: something holds the body until "
         "then, and little is left after its release. Record more of the motion, and take it with samples = {part}.",
     ),
     "runs_on": (
         "doubt",
-        "{column!r} stands still until {until:.4g} s and then runs on in one direction to the end, as what is driven "
+        "{column!r} stands still until {until:time} s and then runs on in one direction to the end, as what is driven "
         f"does and nothing pulls back. {DRIVEN}",
     ),
     MISREAD: ("doubt", lambda n: _misread(n)),
@@ -53,7 +53,7 @@ CODES: dict[str, Words] = {
         lambda n: (
             "{column!r} has {count:empty cell|empty cells} in {rows} rows, "
             + ("up to {longest} in a row, from" if n["longest"] > 1 else "the first at")
-            + " {start:.4g} s: gaps, which are not compared."
+            + " {start:time} s: gaps, which are not compared."
         ),
     ),
     "swings_few": (
@@ -89,7 +89,7 @@ CODES: dict[str, Words] = {
         lambda n: (
             "{column!r} is stuck "
             + ("for" if n["stretches"] == 1 else "in {stretches} stretches, {total} samples in all, the longest of")
-            + " {length} samples from {start:.4g} s, while the system moves. They are left out."
+            + " {length} samples from {start:time} s, while the system moves. They are left out."
         ),
     ),
     "readings_clipped": (
@@ -103,7 +103,7 @@ CODES: dict[str, Words] = {
     "spikes": (
         "note",
         "{column!r} has {count:spike|spikes}, far from where the readings beside them would put them, the first at "
-        "{start:.4g} s. They are kept.",
+        "{start:time} s. They are kept.",
     ),
     "mean_creeps": (
         "doubt",
@@ -189,7 +189,7 @@ CODES: dict[str, Words] = {
     "at_rest": (
         "note",
         "the motion has ended before the recording has: its first {kept} of {count} readings are used, up to "
-        "{last:.4g} s of {end:.4g} s.",
+        "{last:time} s of {end:time} s.",
     ),
     "rate_as_position": (
         "doubt",

@@ -57,8 +57,11 @@ class Flag:
         return {"code": self.code, "severity": self.severity, "column": self.column, "numbers": dict(self.numbers)}
 
 
+_FAR_CLOCK = 1e4  # s, four digits of later moments do not tell one reading from the next
+
+
 class _Words(Formatter):
-    """Python's formats, counts with their words, and values in the unit of a column."""
+    """Python's formats, counts with their words, values in the unit of a column, and moments of any clock."""
 
     def __init__(self, unit: str) -> None:
         self._unit = unit
@@ -66,6 +69,8 @@ class _Words(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec.startswith("unit"):
             return quoted(value, self._unit, int(format_spec[4:] or 3))
+        if format_spec == "time":
+            return f"{value:.4g}" if abs(value) < _FAR_CLOCK else f"{value:.3f}".rstrip("0").rstrip(".")
         if "|" in format_spec:
             one, several = format_spec.split("|")
             return f"{value} {one if value == 1 else several}"

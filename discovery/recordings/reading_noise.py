@@ -271,16 +271,18 @@ def noise_flags(
 ) -> list[Flag]:
     """Tell where the scatter of readings is not the noise that the rig file states.
 
-    Nothing is said of few or coarse readings, nor where the scatter is larger but may be the signal's. `band` is noise
-    that the scatter from sample to sample does not show; errors of time stamps by `jitter` [s] explain a part of it.
-    NaN are gaps, and marks say nothing.
+    Nothing is said of few readings, of coarse ones whose noise may be hidden by rounding, nor where the scatter is
+    larger but may be the signal's. `band` is noise that the scatter from sample to sample does not show; errors of time
+    stamps by `jitter` [s] explain a part of it. NaN are gaps, and marks say nothing.
     """
     values = _without_rests(values)
     estimates = _estimates(values) if band is None else [band.sd]
     scatter = min(estimates, default=0.0)
     scatter = _calmed(values, scatter) if band is None else scatter
     good = np.isfinite(values)
-    coarse = resolution(values, time) > _COARSE * scatter
+    rounding = resolution(values, time)
+    scatter = max(scatter, rounding)
+    coarse = rounding > _COARSE * scatter and stated <= scatter * _OTHER
     if good.sum() < _FEWEST_READINGS or coarse or are_marks(time[good], values[good]):
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:

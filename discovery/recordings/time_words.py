@@ -53,7 +53,7 @@ TIMES: dict[str, Words] = {
     ),
     "rows_repeated": (
         "left_out",
-        "{count:row holds|rows hold} the time and all readings of the row before, the first at {start:.4g} s: written "
+        "{count:row holds|rows hold} the time and all readings of the row before, the first at {start:time} s: written "
         "twice. Each is used once.",
     ),
     "times_rounded": (

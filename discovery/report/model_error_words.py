@@ -30,9 +30,9 @@ def model_error_words(loop: Record) -> str:
 
 
 def share_words(error: Record) -> str:
-    """Return the part of the model error that is left; empty where there is nothing to compare."""
+    """Return the part of the model error that is left; empty where there is nothing to compare, as beside none."""
     share, before = error["share"], error["before"]
-    if not (share and before) or not all(map(math.isfinite, (share, before))):
+    if not (share and before) or not all(map(math.isfinite, (share, before))) or before <= error["least"]:
         return ""
     return f"{plain(100 * share, 2)} %"
 
