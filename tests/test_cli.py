@@ -203,7 +203,7 @@ def test_what_differs_between_recordings_is_told_of_each(capsys: pytest.CaptureF
     say_loop(found_loop("explained", grade))
     said = (
         "(f_1 = 0.100 +- 0.010 N, f_r of up = 0.200 +- 0.010 N; a held-out recording has its own, fitted to it, "
-        "and any other is predicted with that of the first)"
+        "and any other is predicted with that of the first, within what they differ by)"
     )
     assert said in capsys.readouterr().out
 

@@ -7,6 +7,8 @@ import pytest
 
 from discovery.equations.lacking import candidates
 from discovery.estimation.declared import declared_model
+from discovery.estimation.fit import fit
+from discovery.estimation.predict import predict
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.parts import course
 
@@ -65,3 +67,20 @@ def test_without_times_parts_go_on_where_few_rows_lie_between(tmp_path: Path, *,
     text = RIG.format(train=train).replace('{ name = "t", unit = "s" }', "{ rate_hz = 77.0 }")
     (tmp_path / "rig.toml").write_text(text)
     assert course(load_dataset(tmp_path / "rig.toml").train)["several"] is differ
+
+
+def test_another_recording_is_predicted_within_what_recordings_differ_by(tmp_path: Path) -> None:
+    for name, more in (("a.csv", 0.0), ("b.csv", 0.8), ("c.csv", -1.2)):
+        np.savetxt(tmp_path / name, np.column_stack([TIME, SWING + more]), "%.6f", ",", header="t,x", comments="")
+    files = ", ".join(f'{{ file = "{name}.csv" }}' for name in "abc")
+    (tmp_path / "rig.toml").write_text(RIG.format(train=files))
+    train = load_dataset(tmp_path / "rig.toml").train
+    declared = declared_model(train[0])
+    deviations = []
+    for model in (declared, declared.with_effect("recording_offset")):
+        _, sd = predict(fit(model, train), train[1])
+        deviations.append(sd[:, 0])
+    bare, own = deviations
+    apart = np.sqrt((0.8**2 + 1.2**2) / 2)  # from the first one, rms
+    assert 1e3 * own == pytest.approx(apart, rel=0.05)
+    assert bare.max() < 0.2 * own.min()

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from discovery.recordings.dataset import Dataset
     from discovery.runs.loop_result import LoopResult
 
+#: Said of what differs between recordings.
+_OWN = (
+    "; a held-out recording has its own, fitted to it, and any other is predicted with that of the first, within what "
+    "they differ by"
+)
+
 
 def say_loop(result: LoopResult) -> None:
     """Say what the loop found: verdict, effects, what is left, and the errors before and after."""
@@ -78,8 +84,7 @@ def _effect_line(effect: Mapping[str, Any]) -> str:
         + (f", {p['reason']}" if "reason" in p else "")
         for n, p in effect["parameters"].items()
     )
-    first = "; a held-out recording has its own, fitted to it, and any other is predicted with that of the first"
-    values += first if any(is_start(n) for n in effect["parameters"]) else ""
+    values += _OWN if any(is_start(n) for n in effect["parameters"]) else ""
     rivals = f"; as well explained by {', '.join(effect['ambiguous_with'])}" if effect["ambiguous_with"] else ""
     sure, name = effect_sentence(effect), effect_name(effect["id"])
     called = "" if name.lower() == effect["id"].replace("_", " ") else f", the {name}"

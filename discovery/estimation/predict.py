@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from discovery.declarations.effect import Sensor
 from discovery.estimation.bench import Bench
@@ -16,6 +17,7 @@ from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
 from discovery.foundation.arguments import check_pair, expect
 from discovery.foundation.arrays import FloatArray
+from discovery.foundation.start_names import start_name, start_of
 from discovery.recordings.chosen import check_one_system
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
@@ -30,6 +32,9 @@ def predict(
     fit: Fit, experiment: Experiment, initial: tuple[float, float] | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the instrument would read, and its standard deviation from the fit's covariance.
+
+    What a recording has of its own, as a force, is that of the first one that was fitted; by how much the others differ
+    is a part of the standard deviation.
 
     Parameters
     ----------
@@ -76,31 +81,46 @@ def predict(
     bench = Bench(problem.bench.base, problem.bench.effects, [experiment], step)
     begin = experiment.recording.time[:1]
     drive = [0.0] if experiment.drive is None else experiment.drive.evaluate(begin)[:, 0].tolist()
-    single = Problem(fit.model, bench, problem.units, problem.gaussian)
-    centre = fit.minimum.x[: len(names)]
-    # Central differences along each principal axis of the covariance.
-    spread = principal_spread(fit.covariance[: len(names), : len(names)])
+    single = Problem(fit.model, bench, problem.units, problem.gaussian, reference="")
+    starts, centre = fit.model.mechanics.starts, fit.minimum.x[: len(names)]
+    # Central differences along each principal axis of the covariance, and along what a recording has of its own.
+    spread = block_diag(principal_spread(fit.covariance[: len(names), : len(names)]), np.diag(_unlike(fit, single)))
     low, high = single.bounds
 
     def read(part: float) -> FloatArray:
-        moved = np.concatenate([np.zeros((len(names), 1)), part * spread, -part * spread], axis=1)
-        points = np.clip(centre[:, None] + moved, low[: len(names), None], high[: len(names), None])
-        told = _start_of(fit, experiment, points, drive, initial)[: len(single.states)]
+        moved = np.concatenate([np.zeros((len(spread), 1)), part * spread, -part * spread], axis=1)
+        points = np.clip(centre[:, None] + moved[: len(names)], low[: len(names), None], high[: len(names), None])
         # Coordinates that are not read begin where springs hold them beside the one that is, at rest.
-        state = np.concatenate([told, np.zeros((len(single.states) - len(told), points.shape[1]))])
+        state = moved[len(names) :]
+        state[:starts] = _start_of(fit, experiment, points, drive, initial)[:starts]
         if initial is not None:
             state = _as_read(single, points, state)
-        parameters, starts = single.expand(np.concatenate([points, state]))
-        channels = bench.predict(parameters, starts)[0]
+        parameters, begins = single.expand(np.concatenate([points, state]))
+        channels = bench.predict(parameters, begins)[0]
         check_finite(channels[:, :, :1], experiment.recording.time, bench.names, parameters)
         return channels
 
-    m, part = len(names), _APART
+    m, part = spread.shape[1], _APART
     # Far from the estimate the motion may blow up: a rod without any damping rings on.
     while not np.isfinite(channels := read(part)).all() and part > _NEAR:
         part /= 4
     slope = (channels[:, :, 1 : m + 1] - channels[:, :, m + 1 :]) / (2 * part)
     return channels[:, :, 0], np.sqrt(np.sum(slope**2, axis=2))
+
+
+def _unlike(fit: Fit, single: Problem) -> FloatArray:
+    """Return by how much what a recording has of its own differs from that of the first one, by number of a start.
+
+    It is known of those that were fitted; of a single one the prior tells it.
+    """
+    found = np.zeros(len(single.states))
+    recordings = [e.recording.name for e in fit.problem.bench.experiments]
+    for i, state in enumerate(single.states):
+        quantity, _ = start_of(state.name) or ("", "")
+        if state.row > 1 and quantity not in single.model.mechanics.begins:
+            others = [fit.values[name] for r in recordings if (name := start_name(quantity, r)) in fit.values]
+            found[i] = np.sqrt(np.mean(np.square(others))) if others else state.width
+    return found
 
 
 def _start_of(
