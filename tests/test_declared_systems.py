@@ -169,6 +169,13 @@ def test_a_drive_is_doubted_where_the_input_is_a_force() -> None:
     assert not [name for name in models.keys() - offered if of_drives & set(candidates(models[name]))]
 
 
+def test_a_gain_is_what_the_input_does_nothing_without() -> None:
+    """A motor divides by its resistance, and a force acts by itself; a motion is no input that a gain passes on."""
+    found = {name: system_base(system).gains() for name, system in ready_made().items()}
+    assert found.pop("dc_motor") == {"torque_constant"}
+    assert set(map(frozenset, found.values())) == {frozenset()}
+
+
 def test_a_drive_passes_what_lies_between_its_dead_zone_and_its_limit() -> None:
     program = build_program("oscillator", ("input_dead_zone", "input_saturation"))
     slopes = numpy_derivative(program)

@@ -91,9 +91,7 @@ def gain_untold(declared: Fit, final: Fit) -> Caution | None:
 
     Where the declared one did, what was added does as the input does, or as the losses that the input makes up for.
     """
-    push = final.model.mechanics.push()
-    gains = {x.name for x in push.free_symbols} & {*declared.problem.free} & {*final.problem.free} if push else ()
-    for name in sorted(gains):
+    for name in sorted(final.model.mechanics.gains() & {*declared.problem.free} & {*final.problem.free}):
         before, after = declared.told(name), final.told(name)
         if after["sd"] is not None and abs(after["value"]) >= _TOLD * after["sd"]:
             continue

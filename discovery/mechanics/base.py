@@ -171,6 +171,11 @@ class Base(ABC):
         """Return what the input alone does to the coordinate [s^-2 q]; None where no mode could be added to it."""
         return None
 
+    def gains(self) -> set[str]:
+        """Return the parameters without any of which the input does nothing."""
+        push = self.push()
+        return set() if push is None else {x.name for x in push.free_symbols}
+
     @property
     def starts(self) -> int:
         """How many numbers its start has: deflection and rate, or less where what is read does not depend on them."""

@@ -156,6 +156,12 @@ class DeclaredBase(AtRest):
         """Whether an input acts that is no motion."""
         return s.u in sp.Tuple(*self.mechanics().force).free_symbols
 
+    def gains(self):
+        """Return the constants without any of which the input does nothing."""
+        force = sp.Tuple(*self.mechanics().force) if self.is_pushed else sp.Tuple()
+        without = {x.name: force.xreplace({x: sp.Integer(0)}) for x in force.free_symbols - {s.u}}
+        return {name for name, left in without.items() if not left.has(s.u, sp.zoo, sp.nan)}
+
     def _received(self, expression: sp.Expr) -> sp.Expr:
         return expression if self.input_moves else expression.xreplace({s.theta_m: s.u})
 
