@@ -57,7 +57,7 @@ def said_of(name: str, unit: str, values: FloatArray) -> str:
     if unit in ("s", "ms") and median_step(values) == 1.0:
         return "FILL IN the unit, s or ms, which neither name nor numbers tell; "
     if unit in ("m/s", "rad/s") and not _TURNING.intersection(words):
-        return "FILL IN the unit, m/s or rad/s, which neither name nor numbers tell; "
+        return "FILL IN the unit, m/s or rad/s, which neither name nor numbers tell; guesses above are in it; "
     if unit == "deg" and np.array_equal(values, np.round(values), equal_nan=True):
         return "FILL IN the unit: of an encoder's counts it is rev, scale = 1 over those of a turn; "
     unknown = unit == "1" or (unit == "m" and _ALONG.intersection(words))
