@@ -142,7 +142,8 @@ def overview_lines(dataset: Dataset, content: Mapping[str, Any]) -> Iterator[str
             unit = channel["unit"] if fixed else columns.read[channel["name"]].unit
             yield _channel(channel, unit)
         if found["input"] is None:
-            yield f"  input: none, it moves freely{_swing(found)}"
+            swing = _swing(found)
+            yield f"  input: none, {'it moves' if swing else 'taken to move'} freely{swing}"
         else:
             assert columns.input is not None  # where there is an input, its column is declared
             unit = dataset.rig.input_unit if dataset.rig.integrates else columns.input.unit
