@@ -84,3 +84,16 @@ def test_another_recording_is_predicted_within_what_recordings_differ_by(tmp_pat
     apart = np.sqrt((0.8**2 + 1.2**2) / 2)  # from the first one, rms
     assert 1e3 * own == pytest.approx(apart, rel=0.05)
     assert bare.max() < 0.2 * own.min()
+
+
+@pytest.mark.parametrize(("more", "dated"), [("", False), (", at_rest = true", True)])
+def test_a_late_instrument_shows_where_something_says_when_a_motion_began(
+    tmp_path: Path, more: str, dated: bool
+) -> None:
+    """What starts by itself reads like another start."""
+    np.savetxt(tmp_path / "a.csv", np.column_stack([TIME, SWING]), "%.6f", ",", header="t,x", comments="")
+    (tmp_path / "rig.toml").write_text(RIG.format(train=f'{{ file = "a.csv"{more} }}'))
+    train = load_dataset(tmp_path / "rig.toml").train
+    offered = candidates(declared_model(train[0]), "m", **course(train))
+    assert ("sensor_delay" in offered) is dated
+    assert "time_base_error" in offered

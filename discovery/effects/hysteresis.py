@@ -25,7 +25,9 @@ class Hysteresis(Memory):
     cite = "Wen, Journal of the Engineering Mechanics Division 102 (1976) 249; Ismail et al. (2009)"
     local = True
     remembers = True
-    h_b = Parameter("1", "share of the stiffness that slips", (0.0, 3.0), HalfStudent(0.1), starts=(0.01,), latex="h_b")
+    h_b = Parameter(
+        "1", "stiffness that slips, over that of the spring", (0.0, 3.0), HalfStudent(0.1), starts=(0.01,), latex="h_b"
+    )
     w_h = Parameter(
         "q", "bending at which it slips", (0.003, 3.0), LogNormal(0.2, 1.0), default=0.2,
         starts=(0.03, 0.08, 0.2, 0.5, 1.2), shape=True, latex="w_h",

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from itertools import product
 
-from discovery.declarations.effect import OSCILLATOR, ROTOR, Effect, Mode
+import sympy as sp
+
+from discovery.declarations.effect import OSCILLATOR, ROTOR, Effect, Mode, Sensor
 from discovery.declarations.place import can_be_placed, placed
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.declarations.symbols import t
 from discovery.declarations.units import is_force
 from discovery.equations.model import Model
 from discovery.mechanics.base import Place
@@ -25,6 +28,7 @@ def candidates(
     spins: bool = False,
     winds: bool = False,
     several: bool = True,
+    dated: bool = True,
 ) -> tuple[str, ...]:
     """Return the effects that could be missing: those that act on this system, not in the model, not in its base.
 
@@ -34,6 +38,8 @@ def candidates(
     law of the place does but one that is the same in each of them. `winds`: whether an angle that is read goes
     farther than half a turn from its zero, which no picture shows as a distance. `several`: whether it was recorded
     several times: in one recording a law whose values differ between them is no other than the one that it contains.
+    `dated`: whether an input, or rest before it, says when a motion began: if nothing does, one start is as late as
+    another.
     """
     placed_at = model.mechanics.places()
     acting = _at_places(model) if placed_at else _on_the_coordinate(model, unit, declared)
@@ -46,6 +52,7 @@ def candidates(
         held = (effect.anchored or effect.kind == "potential") and not effect.angular
         read = not effect.pictured or not (winds or "/s" in unit or is_force(unit))
         told = (turns or not effect.remembers) and (several or not (effect.own() and effect.reduces_to))
+        told = told and (dated or not _is_late(effect))
         return read and told and name not in contained and not (spins and turning and held)
 
     return tuple(filter(is_shown, acting))
@@ -95,6 +102,11 @@ def ever_candidates(bases: Iterable[str], unit: str = "rad") -> frozenset[str]:
     """
     found = frozenset(e for base in bases for e in eventual_candidates(Model(base, ()), unit))
     return found or frozenset(e for e, effect in catalogue().items() if _has_a_place(effect))
+
+
+def _is_late(effect: Effect) -> bool:
+    """Return whether all of what an instrument reads is as old, whatever else it does."""
+    return isinstance(effect, Sensor) and bool(late := sp.sympify(effect.lateness())) and not late.has(t)
 
 
 def _has_a_place(effect: Effect) -> bool:

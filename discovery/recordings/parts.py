@@ -215,6 +215,7 @@ def course(experiments: Sequence[Experiment]) -> dict[str, bool]:
         "spins": spins(experiments),
         "winds": _winds(experiments),
         "several": _sessions(experiments) > 1,
+        "dated": any(e.drive is not None or e.recording.at_rest or e.rig.view is not None for e in experiments),
     }
 
 
