@@ -280,6 +280,10 @@ def test_prediction_files_are_checked_too(tmp_path):
         (change(5, "u", np.nan), ["column 'u', row 6", "the input is missing"]),
         (change(5, "t", 0.0), ["column 't', row 6", "earlier than the row before", "sort the rows, remove"]),
         (change(50, "t", 0.0), ["column 't', row 51", "earlier than the row before. Times must strictly increase"]),
+        (
+            lambda f: f.assign(t=f.t - 0.42 * (f.index >= 60)),
+            ["column 't', row 61", "clock was set back there", "samples = [0, 60] and [60, 100]"],
+        ),
         (lambda f: f[::-1], ["column 't', row 2", "earlier than the row before. Times must strictly increase"]),
         (
             lambda f: pd.concat([f, f, f]),

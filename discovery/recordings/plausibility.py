@@ -206,6 +206,11 @@ def _check_increase(found: Signals) -> None:
                 "If the file holds several trials, name each in [records] of the rig file, with "
                 "where = { column = value } or samples = [start, stop]; else sort the rows."
             )
+        elif (steps <= 0).sum() == 1 and steps[row - 1] < 0 and (steps[row : row + 1] < 2 * np.median(steps)).all():
+            remedy = (
+                f"If the clock was set back there, name both parts in [records] of the rig file, samples = [0, {row}] "
+                f"and [{row}, {time.size}]; if rows are in the wrong order, sort them."
+            )
         now = quoted(float(time[row]), found.units.get("time", "s"), 9)
         raise InputError(f"{found.at('time', row=row)}: {now} is {fault}. {remedy}")
 
