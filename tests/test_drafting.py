@@ -816,6 +816,23 @@ def test_times_without_a_name_in_uneven_steps_are_the_only_column_that_rises(tmp
         draft([path], tmp_path)
 
 
+def test_numbers_of_frames_are_the_clock_of_what_moves_most(tmp_path: Path) -> None:
+    """A tracker's rows are counted, too, and a frame without a body is lost."""
+    frames = 120 + np.delete(np.arange(TIME.size), 40)
+    time = (frames - frames[0]) / 50.0
+    x, y = 3.0 + 0.2 * np.sin(40.0 * time), 9.0 * np.cos(3.0 * time)
+    path = written(tmp_path, "a.csv", "row,frame_num,x,y", np.arange(time.size), frames, np.round(x, 2), np.round(y, 2))
+    columns = drafted(path)["columns"]
+    assert (columns["time"]["name"], columns["output"]["name"]) == ("frame_num", "y")
+    text = draft(path)
+    assert "FILL IN scale = 1 over the frames a second" in text
+    line = 'name = "frame_num", unit = "s"'
+    rig = text.replace(line, f"{line}, scale = 0.02").replace("FILL IN", "").replace('unit = "1"', 'unit = "m"')
+    (tmp_path / "rig.toml").write_text(rig)
+    recording = load_dataset(tmp_path / "rig.toml").train[0].recording
+    assert recording.time - recording.time[0] == pytest.approx(time)
+
+
 def test_a_column_that_stands_still_is_no_clock(tmp_path: Path) -> None:
     path = written(tmp_path, "a.csv", "state,step,theta", np.zeros(TIME.size), 1e3 * TIME + 9e3, SWING)
     assert drafted(path)["columns"]["time"] == {"name": "step", "unit": "ms"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.drafting.names import Meaning, words_of
+from discovery.drafting.names import Meaning, counts_frames, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 
@@ -36,6 +36,8 @@ def guessed_unit(name: str, meaning: Meaning, role: str, values: FloatArray) -> 
     """
     words = words_of(name)
     if role == "time":
+        if counts_frames(name):
+            return "s"
         step = median_step(values)
         # Hardly a motion is read once a second: whole numbers count milliseconds or microseconds, unless they are few.
         seconds = step < 1.0 or (step == 1.0 and values.size < _FEW)
@@ -54,6 +56,8 @@ def guessed_unit(name: str, meaning: Meaning, role: str, values: FloatArray) -> 
 def said_of(name: str, unit: str, values: FloatArray) -> str:
     """Return the words for a guessed unit, and for one that nobody can know, what then holds."""
     words = words_of(name)
+    if unit == "s" and counts_frames(name):
+        return "FILL IN scale = 1 over the frames a second: it counts frames; "
     if unit in ("s", "ms") and median_step(values) == 1.0:
         return "FILL IN the unit, s or ms, which neither name nor numbers tell; "
     if unit in ("m/s", "rad/s") and not _TURNING.intersection(words):

@@ -12,7 +12,7 @@ import numpy as np
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.columns import numbers_of
 from discovery.drafting.guessed_units import guessed_unit
-from discovery.drafting.names import Meaning, meaning_of
+from discovery.drafting.names import Meaning, counts_frames, meaning_of, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
@@ -34,6 +34,8 @@ _NEEDED, _FEWEST = {"time", "output"}, 3
 _NO_PLACES = {"height", "speed", "acceleration"}
 #: Of its noise, the least that a motion is.
 _MOVING = 5.0
+#: What a picture tells of a place.
+_AXES = {"x", "y", "z"}
 
 
 @dataclass(frozen=True)
@@ -213,7 +215,7 @@ def _list(columns: Mapping[str, FloatArray]) -> str:
 
 
 def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, Meaning], named: str | None) -> str:
-    """Return the column of times: the one called so, else the first in even steps, else the only one that rises."""
+    """Return the column of times: called so, of frames, the first in even steps, or else the only one that rises."""
     if named is not None:
         return named
     for name, values in columns.items():
@@ -221,6 +223,9 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
         if meanings[name].role == "time" and (steps > 0).mean() > max((steps < 0).mean(), _RISES):
             return name
     perhaps = {name: columns[name] for name, told in meanings.items() if told.role == "" or told.lasts}
+    frames = [name for name, values in perhaps.items() if counts_frames(name) and (np.diff(values) > 0).all()]
+    if frames:
+        return frames[0]
     for name, values in perhaps.items():
         steps = np.diff(values)
         if steps.size and steps[0] > 0 and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
@@ -249,7 +254,7 @@ def _input(names: Sequence[str], meanings: Mapping[str, Meaning], taken: str | N
 def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> str | None:
     """Return the column of the motion: by its name, else the only speed, acceleration, or name that says nothing.
 
-    Of several motions it is the first that is more than noise.
+    Of several motions it is the first that is more than noise, of those along axes the one that varies most.
     """
     moving = [
         n
@@ -258,7 +263,8 @@ def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, 
     ]
     for of, roles in ((moving, ("height", "motion")), (list(names), ("height", "motion")), (list(names), ("moved",))):
         if (known := _first(of, meanings, roles, None)) is not None:
-            return known
+            along = [n for n in of if meanings[n] == meanings[known] and _AXES.intersection(words_of(n))]
+            return max(along, key=lambda n: np.nanstd(names[n])) if known in along else known
     for role in ("speed", "acceleration", ""):
         found = [name for name in names if meanings[name].role == role]
         if len(found) > 1:

@@ -121,7 +121,7 @@ def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
 def _times(stamps: FloatArray | None, rig: Rig, size: int) -> FloatArray:
     """Return the times of rows: their stamps, or so many at the rate of a file that has none."""
     if stamps is not None:
-        return stamps - rig.columns.time.zero
+        return rig.columns.time.scale * stamps - rig.columns.time.zero
     rate = rig.columns.time.rate
     assert rate is not None  # read_rig demands a rate or a column
     return np.arange(size) * rig.columns.every / rate

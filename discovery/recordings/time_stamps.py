@@ -130,7 +130,7 @@ def on_its_clock(rig: Rig, found: Signals) -> list[Flag]:
     if rig.columns.time.jitter is not None or "time" not in found.names:
         return []
     # As the file has them, for their decimals.
-    second, zero = si_factor(found.units["time"]), rig.columns.time.zero
+    second, zero = rig.columns.time.scale * si_factor(found.units["time"]), rig.columns.time.zero
     channels = [*found.outputs.values()] + ([] if found.inputs is None else [found.inputs])
     clock = steady_clock((found.time + zero) / second, channels)
     if clock is None:

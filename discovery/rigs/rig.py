@@ -26,7 +26,8 @@ class TimeColumn:
     """Where the time comes from: a column of the file, or a sampling rate [Hz] where the file has none.
 
     ``assumed`` says that nobody knows the rate: times and rates are then per sample, not per second. ``jitter`` is the
-    standard deviation of the error of a stamp [s], None where it is not known. Times are counted from ``zero`` [s].
+    standard deviation of the error of a stamp [s], None where it is not known. Numbers of the column count by `scale`
+    in `unit`, and times from ``zero`` [s].
     """
 
     name: str | None = "time"
@@ -35,6 +36,7 @@ class TimeColumn:
     assumed: bool = False
     jitter: float | None = None
     zero: float = 0.0
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)

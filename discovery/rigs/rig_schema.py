@@ -56,7 +56,10 @@ class TimeTable(Table):
         description="Column of the times: numbers, or what a clock shows (14:03:05.25, with a date or not), in s. "
         "Left out, `rate_hz` is needed.",
     )
-    unit: Text = Field(default="s", description="Unit of the column, and of `jitter`.")
+    unit: Text = Field(default="s", description="Unit of the column, after `scale`, and of `jitter`.")
+    scale: _Positive = Field(
+        default=1.0, description="Factor from the numbers of the column to `unit`, as of numbers of frames."
+    )
     assumed: bool = Field(
         default=False,
         description="The rate is not known: `rate_hz` is made up. Write 1.0, and rates and frequencies are per row.",

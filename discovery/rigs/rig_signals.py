@@ -119,7 +119,12 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
         )
     found = Columns(
         time=TimeColumn(
-            time.name, time.unit, time.rate_hz, time.assumed, None if time.jitter is None else time.jitter * second
+            time.name,
+            time.unit,
+            time.rate_hz,
+            time.assumed,
+            jitter=None if time.jitter is None else time.jitter * second,
+            scale=time.scale,
         ),
         input=InputColumn(**given) if given else None,
         output=_read(columns.output, scale),
