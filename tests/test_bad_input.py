@@ -282,7 +282,7 @@ def test_prediction_files_are_checked_too(tmp_path):
         (change(50, "t", 0.0), ["column 't', row 51", "earlier than the row before. Times must strictly increase"]),
         (
             lambda f: f.assign(t=f.t - 0.42 * (f.index >= 60)),
-            ["column 't', row 61", "clock was set back there", "samples = [0, 60] and [60, 100]"],
+            ["column 't', row 61", "or its clock was set back, name each part in [records]", "samples = [start, stop]"],
         ),
         (lambda f: f[::-1], ["column 't', row 2", "earlier than the row before. Times must strictly increase"]),
         (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.systems import laws, machines
 from benchmarks.systems.record import record
 from discovery.declarations.formula import Quantity, read_formula
+from discovery.declarations.system import Constant
 from discovery.equations.lacking import candidates
 from discovery.equations.model import Model
 from discovery.equations.program import build_program
@@ -173,6 +175,10 @@ def test_a_gain_is_what_the_input_does_nothing_without() -> None:
     """A motor divides by its resistance, and a force acts by itself; a motion is no input that a gain passes on."""
     found = {name: system_base(system).gains() for name, system in ready_made().items()}
     assert found.pop("dc_motor") == {"torque_constant"}
+    levels = {"most": Constant("N", 1.0, None, True), "half": Constant("N", 1.0, None, True)}
+    cart = ready_made()["cart_pendulum"]
+    pushed = replace(cart, constants={**cart.constants, **levels}, forces={"position": "most*force/(force + half)"})
+    assert system_base(pushed).gains() == {"most"}
     assert set(map(frozenset, found.values())) == {frozenset()}
 
 

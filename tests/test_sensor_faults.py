@@ -320,7 +320,9 @@ def test_several_stretches_are_counted():
         (np.round(noisy(DECAY), 4), NOISE / 2, ["too small"]),
         (np.round(noisy(DECAY), 3), 4e-4, []),  # what scatters is mostly rounding
         (np.round(noisy(DECAY), 3), 1e-4, []),  # rounding may hide how little it is
-        (np.round(noisy(DECAY), 3), 1e-3, ["'y' scatters by 0.000293 m", "states a noise of 0.001 m", "too large"]),
+        (np.round(noisy(DECAY), 3), 1e-3, []),  # the step itself
+        (np.round(noisy(DECAY), 3), 2e-3, ["'y' scatters by 0.000293 m", "states a noise of 0.002 m", "too large"]),
+        (np.full(T.size, 0.01), 1e-3, []),  # it rests
         (noisy(DECAY)[:150], NOISE / 2, []),
         (noisy(np.sin(400.0 * T)), NOISE, []),  # the signal itself is rough
         (np.where(np.arange(T.size) % 7 < 2, np.nan, noisy(DECAY)), NOISE / 2, []),

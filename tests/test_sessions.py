@@ -97,3 +97,17 @@ def test_a_late_instrument_shows_where_something_says_when_a_motion_began(
     offered = candidates(declared_model(train[0]), "m", **course(train))
     assert ("sensor_delay" in offered) is dated
     assert "time_base_error" in offered
+
+
+def test_what_recordings_differ_by_never_feeds_energy(tmp_path: Path) -> None:
+    """The loss of the first recording is small, and no other is as much smaller as the second's is larger."""
+    for name, loss in (("a.csv", 0.05), ("b.csv", 0.6)):
+        swing = 20.0 * np.exp(-loss * TIME) * np.cos(9.0 * TIME)
+        noise = 0.05 * np.random.default_rng(6).standard_normal(TIME.size)
+        np.savetxt(tmp_path / name, np.column_stack([TIME, swing + noise]), "%.6f", ",", header="t,x", comments="")
+    (tmp_path / "rig.toml").write_text(RIG.format(train='{ file = "a.csv" }, { file = "b.csv" }'))
+    train = load_dataset(tmp_path / "rig.toml").train
+    model = declared_model(train[0]).with_effect("recording_damping").without("viscous_damping")
+    _, sd = predict(fit(model, train), train[0], initial=(0.02, 0.0))
+    apart = np.abs(np.exp(-0.05 * TIME) - np.exp(-0.6 * TIME)) * np.abs(np.cos(9.0 * TIME)) * 0.02
+    assert sd[:, 0] == pytest.approx(apart, abs=1.5e-3)

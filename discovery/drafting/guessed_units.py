@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.drafting.names import Meaning, counts_frames, words_of
+from discovery.drafting.names import Meaning, meaning_of, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 
 _FEW = 1000  # readings: fewer, a thousand a second, would be of less than a second
+_FRAMES = {"frame", "frames"}
 #: Words for an angle, and for what turns, beside a velocity.
 _ANGLES = {"angle", "theta", "phi", "swing", "rotation", "winkel"}
 #: Words of what turns: its speed is that of an angle.
@@ -24,6 +25,18 @@ def angle_unit(values: FloatArray) -> str:
     return "deg" if float(np.nanmax(np.abs(values))) > _TURNS else "rad"
 
 
+def counts_frames(name: str, values: FloatArray) -> bool:
+    """Return whether a column holds the numbers (n,) of a film's frames.
+
+    Examples
+    --------
+    >>> counts_frames("frame_num", np.array([7.0, 8.0, 10.0])), counts_frames("frame_time", np.array([0.0, 0.04, 0.08]))
+    (True, False)
+    """
+    named = not _FRAMES.isdisjoint(words_of(name)) and meaning_of(name).role == ""
+    return named and np.array_equal(values, np.round(values)) and bool((np.diff(values) > 0).all())
+
+
 def guessed_unit(name: str, meaning: Meaning, role: str, values: FloatArray) -> str:
     """Return the unit of a column of which the name states none, "1" where nothing tells it.
 
@@ -36,7 +49,7 @@ def guessed_unit(name: str, meaning: Meaning, role: str, values: FloatArray) -> 
     """
     words = words_of(name)
     if role == "time":
-        if counts_frames(name):
+        if counts_frames(name, values):
             return "s"
         step = median_step(values)
         # Hardly a motion is read once a second: whole numbers count milliseconds or microseconds, unless they are few.
@@ -56,7 +69,7 @@ def guessed_unit(name: str, meaning: Meaning, role: str, values: FloatArray) -> 
 def said_of(name: str, unit: str, values: FloatArray) -> str:
     """Return the words for a guessed unit, and for one that nobody can know, what then holds."""
     words = words_of(name)
-    if unit == "s" and counts_frames(name):
+    if unit == "s" and counts_frames(name, values):
         return "FILL IN scale = 1 over the frames a second: it counts frames; "
     if unit in ("s", "ms") and median_step(values) == 1.0:
         return "FILL IN the unit, s or ms, which neither name nor numbers tell; "

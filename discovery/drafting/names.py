@@ -114,17 +114,6 @@ def words_of(name: str) -> list[str]:
     return [word for word in re.split(r"[^a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower()) if word]
 
 
-def counts_frames(name: str) -> bool:
-    """Return whether a name is that of the number of a film's frame.
-
-    Examples
-    --------
-    >>> counts_frames("frame_num"), counts_frames("time")
-    (True, False)
-    """
-    return not {"frame", "frames"}.isdisjoint(words_of(name)) and meaning_of(name).role == ""
-
-
 def is_asked_for(name: str) -> bool:
     """Return whether a name is that of what a controller is asked for, which is not what it then applies.
 

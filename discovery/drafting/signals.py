@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,8 +12,8 @@ import numpy as np
 
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.columns import numbers_of
-from discovery.drafting.guessed_units import guessed_unit
-from discovery.drafting.names import Meaning, counts_frames, meaning_of, words_of
+from discovery.drafting.guessed_units import counts_frames, guessed_unit
+from discovery.drafting.names import Meaning, meaning_of, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
@@ -34,8 +35,8 @@ _NEEDED, _FEWEST = {"time", "output"}, 3
 _NO_PLACES = {"height", "speed", "acceleration"}
 #: Of its noise, the least that a motion is.
 _MOVING = 5.0
-#: What a picture tells of a place.
-_AXES = {"x", "y", "z"}
+#: What a picture tells of a place; numbered ones are coordinates of several bodies.
+_AXES, _NUMBERED = {"x", "y", "z"}, re.compile(r"\d")
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,7 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
         if meanings[name].role == "time" and (steps > 0).mean() > max((steps < 0).mean(), _RISES):
             return name
     perhaps = {name: columns[name] for name, told in meanings.items() if told.role == "" or told.lasts}
-    frames = [name for name, values in perhaps.items() if counts_frames(name) and (np.diff(values) > 0).all()]
+    frames = [name for name, values in perhaps.items() if counts_frames(name, values)]
     if frames:
         return frames[0]
     for name, values in perhaps.items():
@@ -263,7 +264,8 @@ def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, 
     ]
     for of, roles in ((moving, ("height", "motion")), (list(names), ("height", "motion")), (list(names), ("moved",))):
         if (known := _first(of, meanings, roles, None)) is not None:
-            along = [n for n in of if meanings[n] == meanings[known] and _AXES.intersection(words_of(n))]
+            alike = [n for n in of if meanings[n] == meanings[known] and not _NUMBERED.search(n)]
+            along = [n for n in alike if _AXES.intersection(words_of(n))]
             return max(along, key=lambda n: np.nanstd(names[n])) if known in along else known
     for role in ("speed", "acceleration", ""):
         found = [name for name in names if meanings[name].role == role]

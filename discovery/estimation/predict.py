@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from discovery.declarations.effect import Sensor
 from discovery.estimation.bench import Bench
@@ -83,15 +83,19 @@ def predict(
     drive = [0.0] if experiment.drive is None else experiment.drive.evaluate(begin)[:, 0].tolist()
     single = Problem(fit.model, bench, problem.units, problem.gaussian, reference="")
     starts, centre = fit.model.mechanics.starts, fit.minimum.x[: len(names)]
-    # Central differences along each principal axis of the covariance, and along what a recording has of its own.
-    spread = block_diag(principal_spread(fit.covariance[: len(names), : len(names)]), np.diag(_unlike(fit, single)))
-    low, high = single.bounds
+    # Central differences along each principal axis of the covariance; then what the other recordings have of their own.
+    spread = principal_spread(fit.covariance[: len(names), : len(names)])
+    low, high = (bound[: len(names), None] for bound in single.bounds)
+    others = _others(fit, single)
+    m, part = len(names), _APART
 
     def read(part: float) -> FloatArray:
-        moved = np.concatenate([np.zeros((len(spread), 1)), part * spread, -part * spread], axis=1)
-        points = np.clip(centre[:, None] + moved[: len(names)], low[: len(names), None], high[: len(names), None])
+        moved = np.concatenate(
+            [np.zeros((m, 1)), part * spread, -part * spread, np.zeros((m, others.shape[1]))], axis=1
+        )
+        points = np.clip(centre[:, None] + moved, low, high)
         # Coordinates that are not read begin where springs hold them beside the one that is, at rest.
-        state = moved[len(names) :]
+        state = np.concatenate([np.zeros((len(single.states), 1 + 2 * m)), others], axis=1)
         state[:starts] = _start_of(fit, experiment, points, drive, initial)[:starts]
         if initial is not None:
             state = _as_read(single, points, state)
@@ -100,26 +104,26 @@ def predict(
         check_finite(channels[:, :, :1], experiment.recording.time, bench.names, parameters)
         return channels
 
-    m, part = spread.shape[1], _APART
     # Far from the estimate the motion may blow up: a rod without any damping rings on.
-    while not np.isfinite(channels := read(part)).all() and part > _NEAR:
+    while not np.isfinite((channels := read(part))[:, :, : 1 + 2 * m]).all() and part > _NEAR:
         part /= 4
-    slope = (channels[:, :, 1 : m + 1] - channels[:, :, m + 1 :]) / (2 * part)
-    return channels[:, :, 0], np.sqrt(np.sum(slope**2, axis=2))
+    slope = (channels[:, :, 1 : m + 1] - channels[:, :, m + 1 : 2 * m + 1]) / (2 * part)
+    apart = channels[:, :, 2 * m + 1 :] - channels[:, :, :1]
+    return channels[:, :, 0], np.sqrt(np.sum(slope**2, axis=2) + np.sum(apart**2, axis=2) / max(others.shape[1], 1))
 
 
-def _unlike(fit: Fit, single: Problem) -> FloatArray:
-    """Return by how much what a recording has of its own differs from that of the first one, by number of a start.
+def _others(fit: Fit, single: Problem) -> FloatArray:
+    """Return what each other recording that was fitted has of its own beside the first one, (numbers of a start, k).
 
-    It is known of those that were fitted; of a single one the prior tells it.
+    None has, where no law of the model differs between recordings.
     """
-    found = np.zeros(len(single.states))
-    recordings = [e.recording.name for e in fit.problem.bench.experiments]
-    for i, state in enumerate(single.states):
-        quantity, _ = start_of(state.name) or ("", "")
-        if state.row > 1 and quantity not in single.model.mechanics.begins:
-            others = [fit.values[name] for r in recordings if (name := start_name(quantity, r)) in fit.values]
-            found[i] = np.sqrt(np.mean(np.square(others))) if others else state.width
+    begins = single.model.mechanics.begins
+    quantities = [(start_of(state.name) or ("",))[0] if state.row > 1 else "" for state in single.states]
+    own = {i: quantity for i, quantity in enumerate(quantities) if quantity and quantity not in begins}
+    recordings = [e.recording.name for e in fit.problem.bench.experiments if e.recording.name != fit.problem.reference]
+    found = np.zeros((len(quantities), len(recordings) if own else 0))
+    for (i, quantity), (k, recording) in product(own.items(), enumerate(recordings)):
+        found[i, k] = fit.values.get(start_name(quantity, recording), 0.0)
     return found
 
 
@@ -157,7 +161,8 @@ def _as_read(single: Problem, points: FloatArray, read: FloatArray) -> FloatArra
         found = reading(state)
         slope = (reading(state + little) - found) / little[0]
         state[0] += (read[0] - found) / slope
-    state[1:2] = read[1:2] / slope
+    rate = slice(1, single.model.mechanics.starts)
+    state[rate] = read[rate] / slope
     return state
 
 

@@ -115,18 +115,20 @@ class Table:
             )
         return values
 
-    def times(self, name: str, unit: str = "s") -> FloatArray:
+    def times(self, name: str, unit: str = "s", scale: float = 1.0) -> FloatArray:
         """Give a column of times as numbers, shape (n,); those of a clock are seconds since the first.
 
-        `unit`: the unit that is declared. InputError for a clock's times in another one than seconds.
+        `unit`, `scale`: the unit that is declared, and what a number counts in it. InputError for a clock's times in
+        another one than seconds.
         """
         column = self.columns[name]
         passed = seconds_of(column) if column.dtype.kind in "OUS" else None
-        if passed is not None and unit != "s":
+        if passed is not None and (unit, scale) != ("s", 1.0):
+            wrong = repr(unit) if scale == 1.0 else f"{scale:g} {unit}"
             raise InputError(
-                f"{self.path}, column {name!r}: times of a clock are in s, not in {unit!r}. Correct the unit."
+                f"{self.path}, column {name!r}: times of a clock are in s, not in {wrong}. Correct the unit."
             )
-        return self.numbers(name) if passed is None else passed
+        return scale * self.numbers(name) if passed is None else passed
 
 
 def _parse(column: npt.NDArray[Any]) -> tuple[FloatArray, int | None]:

@@ -158,9 +158,10 @@ class DeclaredBase(AtRest):
 
     def gains(self):
         """Return the constants without any of which the input does nothing."""
-        force = sp.Tuple(*self.mechanics().force) if self.is_pushed else sp.Tuple()
-        without = {x.name: force.xreplace({x: sp.Integer(0)}) for x in force.free_symbols - {s.u}}
-        return {name for name, left in without.items() if not left.has(s.u, sp.zoo, sp.nan)}
+        force, zero = sp.Tuple(*self.mechanics().force), sp.Integer(0)
+        pairs = ((x, force.xreplace({x: zero})) for x in force.free_symbols - {s.u} if self.is_pushed)
+        # What an input is measured by is no gain: beside nothing of it, none is left of u / (u + k) either.
+        return {x.name for x, left in pairs if not left.has(s.u) and left == force.xreplace({s.u: zero, x: zero})}
 
     def _received(self, expression: sp.Expr) -> sp.Expr:
         return expression if self.input_moves else expression.xreplace({s.theta_m: s.u})

@@ -65,7 +65,8 @@ class Signals:
             counted = names or counted
         rows = picked_rows(table, counted, samples, where)[:: rig.columns.every]
         table = table.take(list(dict.fromkeys(counted.values())), rows)
-        read = {s: table.times(c, units[s]) if s == "time" else table.numbers(c) for s, c in names.items()}
+        scale = rig.columns.time.scale
+        read = {s: table.times(c, units[s], scale) if s == "time" else table.numbers(c) for s, c in names.items()}
         values = {stem: _in_si(numbers, rig, stem, units[stem]) for stem, numbers in read.items()}
         return cls(
             table,
@@ -121,7 +122,7 @@ def _in_si(values: FloatArray, rig: Rig, stem: str, unit: str) -> FloatArray:
 def _times(stamps: FloatArray | None, rig: Rig, size: int) -> FloatArray:
     """Return the times of rows: their stamps, or so many at the rate of a file that has none."""
     if stamps is not None:
-        return rig.columns.time.scale * stamps - rig.columns.time.zero
+        return stamps - rig.columns.time.zero
     rate = rig.columns.time.rate
     assert rate is not None  # read_rig demands a rate or a column
     return np.arange(size) * rig.columns.every / rate

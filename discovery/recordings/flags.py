@@ -57,7 +57,7 @@ class Flag:
         return {"code": self.code, "severity": self.severity, "column": self.column, "numbers": dict(self.numbers)}
 
 
-_FAR_CLOCK = 1e4  # s, four digits of later moments do not tell one reading from the next
+_FAR_CLOCK = 1e3  # s, of later moments four digits are whole seconds
 
 
 class _Words(Formatter):

@@ -203,13 +203,8 @@ def _check_increase(found: Signals) -> None:
         if _several(steps):
             fault += ", and times increase again from there"
             remedy = (
-                "If the file holds several trials, name each in [records] of the rig file, with "
-                "where = { column = value } or samples = [start, stop]; else sort the rows."
-            )
-        elif (steps <= 0).sum() == 1 and steps[row - 1] < 0 and (steps[row : row + 1] < 2 * np.median(steps)).all():
-            remedy = (
-                f"If the clock was set back there, name both parts in [records] of the rig file, samples = [0, {row}] "
-                f"and [{row}, {time.size}]; if rows are in the wrong order, sort them."
+                "If the file holds several trials, or its clock was set back, name each part in [records] of the rig "
+                "file, with where = { column = value } or samples = [start, stop]; else sort the rows."
             )
         now = quoted(float(time[row]), found.units.get("time", "s"), 9)
         raise InputError(f"{found.at('time', row=row)}: {now} is {fault}. {remedy}")
@@ -261,16 +256,12 @@ def _check_range(found: Signals, signal: str, values: FloatArray) -> None:
 
 
 def _several(steps: FloatArray) -> bool:
-    """Whether times run on as before wherever they go back, as where one trial follows another."""
-    back = np.flatnonzero(steps < 0)
-    far = _FAR * float(np.median(steps))
-    return bool(
-        back.size > 0
-        and back[-1] + 1 < steps.size
-        and (steps[back] < -far).all()
-        and (steps[back + 1] < far).all()
-        and (steps != 0).all()
-    )
+    """Whether times run on as before wherever they go back: another trial follows, or once the clock was set back."""
+    back, typical = np.flatnonzero(steps < 0), float(np.median(steps))
+    if not back.size or back[-1] + 1 == steps.size or (steps == 0).any():
+        return False
+    follows = (steps[back] < -_FAR * typical).all() and (steps[back + 1] < _FAR * typical).all()
+    return bool(follows or (back.size == 1 and steps[back[0] + 1] < 2.0 * typical))
 
 
 def _rows(count: int) -> str:

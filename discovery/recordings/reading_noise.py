@@ -271,9 +271,9 @@ def noise_flags(
 ) -> list[Flag]:
     """Tell where the scatter of readings is not the noise that the rig file states.
 
-    Nothing is said of few readings, of coarse ones whose noise may be hidden by rounding, nor where the scatter is
-    larger but may be the signal's. `band` is noise that the scatter from sample to sample does not show; errors of time
-    stamps by `jitter` [s] explain a part of it. NaN are gaps, and marks say nothing.
+    Nothing is said of few readings, of coarse ones unless the noise is stated as more than their step, nor where the
+    scatter is larger but may be the signal's. `band` is noise that the scatter from sample to sample does not show;
+    errors of time stamps by `jitter` [s] explain a part of it. NaN are gaps, and marks say nothing.
     """
     values = _without_rests(values)
     estimates = _estimates(values) if band is None else [band.sd]
@@ -281,9 +281,10 @@ def noise_flags(
     scatter = _calmed(values, scatter) if band is None else scatter
     good = np.isfinite(values)
     rounding = resolution(values, time)
+    coarse = rounding > _COARSE * scatter and stated <= _OTHER * np.sqrt(12.0) * rounding
+    still = good.sum() < _FEWEST_READINGS or np.ptp(values[good]) == 0.0
     scatter = max(scatter, rounding)
-    coarse = rounding > _COARSE * scatter and stated <= scatter * _OTHER
-    if good.sum() < _FEWEST_READINGS or coarse or are_marks(time[good], values[good]):
+    if still or coarse or are_marks(time[good], values[good]):
         return []
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []

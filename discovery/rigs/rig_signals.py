@@ -101,6 +101,8 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
             f"{file.at('columns', 'time')}: the time needs either a rate, "
             'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }; only a rate can be assumed.'
         )
+    if time.rate_hz is not None and time.scale != 1.0:
+        raise InputError(f"{file.at('columns', 'time')}: a rate has no scale. Remove it, or name a column.")
     second = _factor(file, "time", time.unit, "s")
     wanted = f"{kind.unit}/s^2" if kind.unit and columns.output.reads == "acceleration" else kind.unit
     scale = _factor(file, "output", columns.output.unit, None if table.view else wanted)
