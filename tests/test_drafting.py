@@ -848,6 +848,9 @@ def test_times_of_a_clock_are_seconds(day: str, tmp_path: Path) -> None:
     assert drafted(path)["columns"]["time"] == {"name": "Timestamp", "unit": "s"}
     time = load_dataset(tmp_path / "rig.toml").train[0].recording.time
     np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
+    (tmp_path / "rig.toml").write_text((tmp_path / "rig.toml").read_text().replace('"s"', '"s", scale = 0.5', 1))
+    with pytest.raises(InputError, match=r"times of a clock are in s, not in 0.5 s"):
+        load_dataset(tmp_path / "rig.toml")
 
 
 @pytest.mark.parametrize(

@@ -292,6 +292,7 @@ def test_arm_errors(write, old, new, message):
         ('name = "V2", ', "", "lacks the key 'columns.output.name'"),
         ("rate_hz = 610.3515625", "rate = 610.0", r"line 5.*'columns.time.rate'.*Did you mean 'rate_hz'\?"),
         ("{ rate_hz = 610.3515625 }", "{ }", "line 5: the time needs either a rate"),
+        ("{ rate_hz = 610.3515625 }", "{ rate_hz = 610.3515625, scale = 0.5 }", "line 5: a rate has no scale"),
         ("rate_hz = 610.3515625", 'rate_hz = 610.0, name = "t"', "line 5: the time needs either"),
         ("rate_hz = 610.3515625", 'name = "t", unit = "mm"', "column 'time'.*cannot be converted to 's'"),
         ("holdout", "hold_out", r"'records.hold_out' is not known. Did you mean 'holdout'\?"),
