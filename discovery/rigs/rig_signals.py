@@ -7,7 +7,7 @@ from discovery.foundation.errors import InputError
 from discovery.rigs.kinds import KINDS
 from discovery.rigs.rig import ARM_COLUMNS, Columns, Controller, ForceView, InputColumn, OutputColumn, TimeColumn
 from discovery.rigs.rig_mistakes import RigText
-from discovery.rigs.rig_schema import AlsoTable, ColumnsTable, RigTable
+from discovery.rigs.rig_schema import AlsoTable, ColumnsTable, RigTable, TimeTable
 
 #: What a unit of an output certainly measures, by a unit of it; an angle is told from a pure number.
 _MEASURED = {
@@ -95,15 +95,7 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
     columns, kind = table.columns, KINDS[table.kind]
     if columns is None:
         return ARM_COLUMNS
-    time = columns.time
-    if (time.rate_hz is None) == (time.name is None) or (time.assumed and time.rate_hz is None):
-        raise InputError(
-            f"{file.at('columns', 'time')}: the time needs either a rate, "
-            'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }; only a rate can be assumed.'
-        )
-    if time.rate_hz is not None and time.scale != 1.0:
-        raise InputError(f"{file.at('columns', 'time')}: a rate has no scale. Remove it, or name a column.")
-    second = _factor(file, "time", time.unit, "s")
+    time = _time(file, columns.time)
     wanted = f"{kind.unit}/s^2" if kind.unit and columns.output.reads == "acceleration" else kind.unit
     scale = _factor(file, "output", columns.output.unit, None if table.view else wanted)
     _check_read(file, table, columns)
@@ -120,14 +112,7 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
             f'needed; with interpolation = "{given["interpolation"]}" it has none. Set it to "spline", or remove it.'
         )
     found = Columns(
-        time=TimeColumn(
-            time.name,
-            time.unit,
-            time.rate_hz,
-            time.assumed,
-            jitter=None if time.jitter is None else time.jitter * second,
-            scale=time.scale,
-        ),
+        time=time,
         input=InputColumn(**given) if given else None,
         output=_read(columns.output, scale),
         header=None if columns.header is None else tuple(columns.header),
@@ -137,6 +122,20 @@ def columns_of(file: RigText, table: RigTable) -> Columns:
     if kind.shaken and found.input is not None and not found.turns_by_shift:
         _refuse_unlike(file, found.input.unit, found.output.unit)
     return found
+
+
+def _time(file: RigText, time: TimeTable) -> TimeColumn:
+    """Return where the times come from: one of a column and a rate, which has no scale."""
+    if (time.rate_hz is None) == (time.name is None) or (time.assumed and time.rate_hz is None):
+        raise InputError(
+            f"{file.at('columns', 'time')}: the time needs either a rate, "
+            'time = { rate_hz = 100.0 }, or a column, time = { name = "t", unit = "ms" }; only a rate can be assumed.'
+        )
+    if time.rate_hz is not None and time.scale != 1.0:
+        raise InputError(f"{file.at('columns', 'time')}: a rate has no scale. Remove it, or name a column.")
+    second = _factor(file, "time", time.unit, "s")
+    jitter = None if time.jitter is None else time.jitter * second
+    return TimeColumn(time.name, time.unit, time.rate_hz, time.assumed, jitter=jitter, scale=time.scale)
 
 
 def _read(column: AlsoTable, scale: float) -> OutputColumn:
