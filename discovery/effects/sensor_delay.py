@@ -12,7 +12,8 @@ class SensorDelay(Sensor):
 
     What is read of the time before the first step follows from the first rate and acceleration; a recording that begins
     `at_rest` still rested then. A lag in what drives the system, such as the L/R of a motor that is left out, looks
-    like it where it is short: see `input_lag`.
+    like it where it is short: see `input_lag`. It is offered where an input, or such rest, says when a motion began:
+    what starts by itself reads like another start.
     """
 
     cite = "Ljung, System Identification (1999), section 4.2"
