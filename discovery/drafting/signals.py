@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,7 +35,7 @@ _NO_PLACES = {"height", "speed", "acceleration"}
 #: Of its noise, the least that a motion is.
 _MOVING = 5.0
 #: What a picture tells of a place; numbered ones are coordinates of several bodies.
-_AXES, _NUMBERED = {"x", "y", "z"}, re.compile(r"\d")
+_AXES = {"x", "y", "z"}
 
 
 @dataclass(frozen=True)
@@ -264,7 +263,7 @@ def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, 
     ]
     for of, roles in ((moving, ("height", "motion")), (list(names), ("height", "motion")), (list(names), ("moved",))):
         if (known := _first(of, meanings, roles, None)) is not None:
-            alike = [n for n in of if meanings[n] == meanings[known] and not _NUMBERED.search(n)]
+            alike = [n for n in of if meanings[n] == meanings[known] and not any(map(str.isdigit, n))]
             along = [n for n in alike if _AXES.intersection(words_of(n))]
             return max(along, key=lambda n: np.nanstd(names[n])) if known in along else known
     for role in ("speed", "acceleration", ""):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from discovery.estimation.problem import Problem
 from discovery.estimation.step import choose_step
 from discovery.foundation.arguments import check_pair, expect
 from discovery.foundation.arrays import FloatArray
-from discovery.foundation.start_names import start_name, start_of
 from discovery.recordings.chosen import check_one_system
 from discovery.recordings.experiment import Experiment
 from discovery.simulation.simulate import check_finite
@@ -117,14 +115,12 @@ def _others(fit: Fit, single: Problem) -> FloatArray:
 
     None has, where no law of the model differs between recordings.
     """
-    begins = single.model.mechanics.begins
-    quantities = [(start_of(state.name) or ("",))[0] if state.row > 1 else "" for state in single.states]
-    own = {i: quantity for i, quantity in enumerate(quantities) if quantity and quantity not in begins}
-    recordings = [e.recording.name for e in fit.problem.bench.experiments if e.recording.name != fit.problem.reference]
-    found = np.zeros((len(quantities), len(recordings) if own else 0))
-    for (i, quantity), (k, recording) in product(own.items(), enumerate(recordings)):
-        found[i, k] = fit.values.get(start_name(quantity, recording), 0.0)
-    return found
+    problem, bench = fit.problem, fit.problem.bench
+    _, begun = problem.expand(fit.minimum.x[:, None])
+    laws = [name not in fit.model.mechanics.begins for name in bench.own]
+    own = np.where([False, False, *laws], begun[:, :, 0], 0.0)
+    kept = [bool(own.any()) and e.recording.name != problem.reference for e in bench.experiments]
+    return own[kept][:, [state.row for state in single.states]].T
 
 
 def _start_of(

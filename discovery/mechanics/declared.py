@@ -158,10 +158,14 @@ class DeclaredBase(AtRest):
 
     def gains(self):
         """Return the constants without any of which the input does nothing."""
+        if not self.is_pushed:
+            return set()
         force, zero = sp.Tuple(*self.mechanics().force), sp.Integer(0)
-        pairs = ((x, force.xreplace({x: zero})) for x in force.free_symbols - {s.u} if self.is_pushed)
-        # What an input is measured by is no gain: beside nothing of it, none is left of u / (u + k) either.
-        return {x.name for x, left in pairs if not left.has(s.u) and left == force.xreplace({s.u: zero, x: zero})}
+        without = {x: force.xreplace({x: zero}) for x in force.free_symbols - {s.u}}
+        # What an input is measured by is no gain: without k no input is left of u / (u + k), but what it does is.
+        return {
+            x.name for x, left in without.items() if not left.has(s.u) and left == force.xreplace({x: zero, s.u: zero})
+        }
 
     def _received(self, expression: sp.Expr) -> sp.Expr:
         return expression if self.input_moves else expression.xreplace({s.theta_m: s.u})

@@ -271,7 +271,7 @@ def noise_flags(
 ) -> list[Flag]:
     """Tell where the scatter of readings is not the noise that the rig file states.
 
-    Nothing is said of few readings, of coarse ones unless the noise is stated as more than their step, nor where the
+    Nothing is said of few readings, of coarse ones unless the noise is stated as well above their step, nor where the
     scatter is larger but may be the signal's. `band` is noise that the scatter from sample to sample does not show;
     errors of time stamps by `jitter` [s] explain a part of it. NaN are gaps, and marks say nothing.
     """
@@ -280,12 +280,12 @@ def noise_flags(
     scatter = min(estimates, default=0.0)
     scatter = _calmed(values, scatter) if band is None else scatter
     good = np.isfinite(values)
-    rounding = resolution(values, time)
-    coarse = rounding > _COARSE * scatter and stated <= _OTHER * np.sqrt(12.0) * rounding
-    still = good.sum() < _FEWEST_READINGS or np.ptp(values[good]) == 0.0
-    scatter = max(scatter, rounding)
-    if still or coarse or are_marks(time[good], values[good]):
+    if good.sum() < _FEWEST_READINGS or np.ptp(values[good]) == 0.0 or are_marks(time[good], values[good]):
         return []
+    rounding = resolution(values, time)
+    if rounding > _COARSE * scatter and stated <= _OTHER * np.sqrt(12.0) * rounding:
+        return []
+    scatter = max(scatter, rounding)
     if stated / _OTHER <= scatter <= stated * _OTHER:
         return []
     if jitter > 0.0 and scatter > stated and not excess_scatter(time, values, stated, jitter) > _OTHER:
