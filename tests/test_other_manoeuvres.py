@@ -108,6 +108,14 @@ def test_what_has_no_input_is_let_go_from_where_it_has_been() -> None:
     assert apart > 0.0
 
 
+def test_rivals_are_let_go_at_one_place_wherever_each_of_them_rests() -> None:
+    part = load_dataset(BENCH).train[0].first(180)
+    off = replace(part, recording=replace(part.recording, output=part.recording.output + 5e-3))
+    model = Model("oscillator", (*EFFECTS, "equilibrium_offset"), {"g": 0.0})
+    found = separate({name: fit(model.with_effect(name), [off]) for name in PAIR}, np.random.default_rng(1))
+    np.testing.assert_allclose(found.table[0, 1:], found.release, atol=1e-9)
+
+
 @pytest.mark.parametrize("which", ["driven", "free"])
 def test_rivals_that_are_one_law_do_not_hide_what_tells_another(which: str) -> None:
     found = with_twins(which)

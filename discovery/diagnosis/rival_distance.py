@@ -71,6 +71,10 @@ class _Rival:
         self.parameters, _ = problem.expand(np.concatenate([points[:m], tail]))
         self.initial = points[m:]
 
+    def starts(self, place: float | None) -> FloatArray:
+        """Return the initial states of all its parameter sets (2, m + 3): at a place [q] at no speed, or at its rest."""
+        return self.initial if place is None else self.initial + np.array([[place - self.rest], [0.0]])
+
     def derivatives(self, channels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return prediction (n,) and sensitivities (n, m + 2) from flat channels (n, m + 3)."""
         return channels[:, 0], (channels[:, 1:] - channels[:, :1]) / self.step
@@ -94,10 +98,10 @@ class Trial:
         # Fewer samples than will be recorded are enough: each stands for several.
         self.time = np.linspace(0.0, duration, min(self.count, _SAMPLES))
 
-    def compare(self, moves: Sequence[Move], release: float = 0.0) -> tuple[Pairs, float]:
+    def compare(self, moves: Sequence[Move], release: float | None = None) -> tuple[Pairs, float]:
         """Return how far the rivals lie apart on a manoeuvre, and the largest deflection predicted [q].
 
-        A system without an input has no moves; it is let go so far from rest, `release` [q].
+        A system without an input has no moves; it is let go at one place for all rivals, `release` [q].
         """
         found, deflection = self._found(moves, release)
         count = self.count * len(self.given.recording.units)
@@ -113,7 +117,7 @@ class Trial:
         channels = len(self.given.recording.units)
         return np.column_stack([value[::channels] * self.given.recording.noise[0] for value, _ in found])
 
-    def _found(self, moves: Sequence[Move], release: float) -> tuple[list[tuple[FloatArray, FloatArray]], float]:
+    def _found(self, moves: Sequence[Move], release: float | None) -> tuple[list[tuple[FloatArray, FloatArray]], float]:
         """Return prediction and sensitivities of every rival, and the largest deflection; infinite where one blows up.
 
         The noise is the unit of the predictions.
@@ -132,8 +136,8 @@ class Trial:
             own = [i for i, rival in enumerate(self.rivals) if rival.kernel == kernel]
             simulate = Simulator(kernel[0], kernel[1], self.time, drive, step=kernel[2])
             parameters = np.concatenate([self.rivals[i].parameters for i in own], axis=1)
-            initial = np.concatenate([self.rivals[i].initial for i in own], axis=1)
-            reading = simulate(parameters, initial[0] + release, initial[1])
+            initial = np.concatenate([self.rivals[i].starts(release) for i in own], axis=1)
+            reading = simulate(parameters, initial[0], initial[1])
             if not np.isfinite(reading).all():
                 return [], np.inf
             deflection = max(deflection, float(np.abs(self._deflection(reading, motor)).max()))

@@ -66,7 +66,7 @@ class Separation:
     designed: Distance
     deflection: float  # largest deflection that a rival predicts, as it is read
     evaluations: int  # manoeuvres tried
-    release: float = 0.0  # how far from rest the system is let go, at no speed [q]; zero where its input moves it
+    release: float = 0.0  # the place where the system is let go, at no speed [q]; zero where its input moves it
     #: unit, deflection_unit: SI units of the coordinate q, and of deflections: those of an accelerometer are
     #: accelerations.
     unit: str = "rad"
@@ -227,7 +227,8 @@ def _let_go(names: tuple[str, ...], fits: Sequence[Fit]) -> Separation:
     trial = Trial(fits, limits.duration)
     # What moves to one side of zero may have a wall at the other.
     sides = [s for s in (1.0, -1.0) if max(float(np.nanmax(s * e.deflection)) for e in experiments) > _VISITED * seen]
-    places = [side * most * part for part in np.linspace(0.05, 1.0, _PLACES) for side in sides]
+    rest = trial.rivals[0].rest
+    places = [rest + side * most * part for part in np.linspace(0.05, 1.0, _PLACES) for side in sides]
     compared = [(trial.compare((), place), place) for place in places]
     known = [found for found in compared if found[0][1] <= limits.deflection]
     laws, given = _laws(fits, [pairs for (pairs, _), _ in known])

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from discovery.foundation.estimate_text import estimate_text, figures
+from discovery.report.numbers import Record
 
-Record = Mapping[str, Any]
 #: A value so many standard deviations from its prediction agrees with it.
 _AGREES = 3.0
 

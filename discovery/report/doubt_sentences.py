@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from discovery.declarations.registry import effect_name
 from discovery.declarations.units import quoted
 from discovery.foundation.estimate_text import decimals, estimate_text, figures
-from discovery.report.numbers import listed, plain
-
-Record = Mapping[str, Any]
+from discovery.report.numbers import Record, listed, plain
 
 
 def caution_sentence(found: Record) -> str:

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from discovery.diagnosis.manoeuvre_design import Move
 from discovery.foundation.estimate_text import figures
-from discovery.report.numbers import listed
-
-Record = Mapping[str, Any]
+from discovery.report.numbers import Record, listed
 
 #: Predictions that differ by so many noise sds would be told apart, were there no model error.
 _SEEN = 3.0

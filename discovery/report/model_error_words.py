@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from discovery.declarations.registry import effect_name
-from discovery.report.numbers import listed, plain, sizes
-
-Record = Mapping[str, Any]
+from discovery.report.numbers import Record, listed, plain, sizes
 
 AS_NONE = "nothing_missing", "explained"  #: Verdicts by which a model error counts as none.
 

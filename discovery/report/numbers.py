@@ -11,6 +11,8 @@ from typing import Any
 from discovery.foundation.estimate_text import decimals, places, prefix_for
 
 MISSING = "–"
+#: A record of a result file: codes and numbers by name.
+Record = Mapping[str, Any]
 #: Greek letters by name.
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "kappa": "κ", "lambda": "λ",

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from discovery.declarations.registry import effect_name
 from discovery.estimation.importance import LARGEST_K
 from discovery.report.doubt_sentences import failure_sentence
 from discovery.report.model_error_words import as_none, depends_words, held_words, share_words
-from discovery.report.numbers import listed, plain, sizes
+from discovery.report.numbers import Record, listed, plain, sizes
 
-Record = Mapping[str, Any]
 #: What became of a candidate, in two or three words, by the code of the decision.
 OUTCOMES = {
     "accepted": "added",
