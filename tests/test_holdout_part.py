@@ -45,6 +45,14 @@ def test_rest_alone_is_divided_as_it_is() -> None:
     assert fitted_count(recorded(np.zeros(3000))) == 2000
 
 
+def test_where_too_few_would_be_fitted_all_is_divided() -> None:
+    swing = recorded(np.exp(-8.0 * TIME) * np.sin(60 * TIME))
+    few = fitted_count(swing)
+    assert 0 < few < 300
+    assert fitted_count(swing, fewest=few) == few
+    assert fitted_count(swing, fewest=few + 1) == 2000
+
+
 @given(offset=st.floats(-1e3, 1e3), scale=st.sampled_from([1e-6, 1.0, 1e6]))
 def test_neither_place_nor_unit_matters(offset: float, scale: float) -> None:
     swing = np.exp(-0.3 * TIME) * np.sin(6 * TIME)

@@ -87,6 +87,16 @@ def test_readings_that_are_stamped_where_a_mark_passes_are_not_rounded():
     assert quantum(STEP * np.round(40.0 * np.sin(shaken) / STEP), shaken) == pytest.approx(STEP)
 
 
+def test_what_turns_between_two_marks_passes_the_last_one_twice() -> None:
+    time = np.linspace(0.0, 6.0, 400_000)
+    number = np.floor(10.3 * np.cos(2.0 * time))
+    # The encoder's edge between two counts is read when it is passed, either way.
+    at = np.flatnonzero(np.diff(number))
+    edges = STEP * np.maximum(number[at], number[at + 1])
+    assert np.sum(np.diff(edges) == 0.0) >= 2
+    assert quantum(edges, time[at]) == 0.0
+
+
 def test_the_noise_of_marks_is_that_of_the_times_at_which_they_pass():
     """Plain differences of what counts one by one are zero, and say nothing."""
     rng, count = np.random.default_rng(1), np.arange(160.0)

@@ -246,6 +246,11 @@ def test_a_model_error_that_shows_held_out_alone_is_told(tmp_path: Path) -> None
     assert "depends on" not in model_error_words(complete)
     complete["model_error"] = {**complete["model_error"], "held": 4e-5}
     assert model_error_words(complete).endswith("counts as none")
+    # So is one that is far larger than that of training.
+    left = {**results["loop"], "model_error": results["loop"]["model_error"] | {"after": 8e-5, "held": 1.7e-4}}
+    assert ", and of 0.170 mm held out; it depends on" in model_error_words(left)
+    left["model_error"]["held"] = 1.5e-4
+    assert "held out" not in model_error_words(left)
 
 
 @pytest.mark.usefixtures("undrawn")

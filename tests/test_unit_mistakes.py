@@ -65,6 +65,12 @@ def test_turns_are_joined():
     assert notes == []
 
 
+def test_full_turns_that_are_taken_off_are_told() -> None:
+    counted, (told,) = near_hanging(swing(0.5) - 4 * np.pi, "a")
+    np.testing.assert_allclose(counted, swing(0.5), atol=1e-9)
+    assert str(told) == "The angle 'a' lies 2 full turns from where a pendulum hangs: it is counted from there."
+
+
 @pytest.mark.parametrize("wrong", [1e4, 3.2, -2.9])
 def test_one_bad_reading_is_left_out_and_shifts_nothing(tmp_path, wrong):
     """Half a turn away, unwrapping would take it for a turn, and everything behind it with it."""

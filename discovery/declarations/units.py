@@ -69,6 +69,7 @@ _SPELLED = {
     **dict.fromkeys(("mph", "MPH"), "mile/h"),
 }
 _SPELLING = re.compile(r"(?<!\w)(?:" + "|".join(map(re.escape, sorted(_SPELLED, key=len, reverse=True))) + r")(?!\w)")
+_POWER = re.compile(r"(?<=[A-Za-z])(?=-?[1-9](?![\w.]))")  # between a unit and a bare exponent
 _TOKEN = re.compile(
     r"\s*(?:(?P<slash>/)|(?P<symbol>[A-Za-z]+|1)(?:\^(?:(?P<power>-?\d+)|\((?P<fraction>-?\d+(?:/\d+)?)\)))?(?=[\s/]|\Z))"
 )
@@ -166,14 +167,14 @@ def _registry() -> pint.UnitRegistry:
 
 
 def standard_unit(text: str) -> str:
-    """Write a unit as unit libraries do: abbreviations and other languages are spelled out.
+    """Write a unit as unit libraries do: abbreviations and other languages are spelled out, powers have their sign.
 
     Examples
     --------
-    >>> standard_unit("Nm"), standard_unit("rev/min"), standard_unit("mNm/RPM")
-    ('N m', 'rpm', '(mN m)/(rpm)')
+    >>> standard_unit("Nm"), standard_unit("rev/min"), standard_unit("mNm/RPM"), standard_unit("m/s2")
+    ('N m', 'rpm', '(mN m)/(rpm)', 'm/s^2')
     """
-    return _SPELLING.sub(lambda m: _SPELLED[m[0]] if m[0] == text else f"({_SPELLED[m[0]]})", text)
+    return _POWER.sub("^", _SPELLING.sub(lambda m: _SPELLED[m[0]] if m[0] == text else f"({_SPELLED[m[0]]})", text))
 
 
 @lru_cache(maxsize=256)

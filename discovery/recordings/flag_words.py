@@ -131,6 +131,10 @@ CODES: dict[str, Words] = {
         "The angle {column!r} jumps by full turns in {count:place|places}, first at sample {first}, counted from 0: "
         "the turns are joined.",
     ),
+    "turns_away": (
+        "note",
+        "The angle {column!r} lies {count:full turn|full turns} from where a pendulum hangs: it is counted from there.",
+    ),
     "angle_unit": (
         IMPOSSIBLE,
         "The period grows with the amplitude as that of a pendulum whose angle is in {right}: by {slower:.2g} % up to "

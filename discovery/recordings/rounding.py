@@ -81,8 +81,14 @@ def _printed(values: FloatArray, gaps: FloatArray, step: float) -> float:
 
 
 def are_marks(time: FloatArray, values: FloatArray) -> bool:
-    """Return whether readings (n,) come one by one where a mark passes, as at a light barrier: times [s] are read."""
-    steps = np.abs(np.diff(values))
+    """Return whether readings (n,) come one by one where a mark passes, as at a light barrier: times [s] are read.
+
+    What turns between two marks passes the last one twice.
+    """
+    moved = np.diff(values)
+    back = np.zeros(moved.size, dtype=bool)
+    back[1:-1] = (moved[1:-1] == 0.0) & (moved[:-2] * moved[2:] < 0.0)
+    steps = np.abs(moved[~back])
     if steps.size < _MARKS or not are_uneven(time):
         return False
     return bool(np.mean(np.abs(steps - np.median(steps)) < _TOLERANCE * np.median(steps)) >= _AGREEING)

@@ -64,8 +64,11 @@ def near_hanging(angle: FloatArray, column: str = "", unit: str = "rad") -> tupl
         flags.append(Flag("angle_turned", unit=unit, numbers=sizes))
     good = np.flatnonzero(np.isfinite(angle))
     joined, told = _joined(angle, good, np.round(np.diff(angle[good]) / _FULL_TURN), column)
-    turns = float(np.round(np.median(joined[good]) / _FULL_TURN)) if good.size else 0.0
-    return (joined - _FULL_TURN * turns if turns else joined), flags + told
+    turns = round(float(np.median(joined[good])) / _FULL_TURN) if good.size else 0
+    if not turns:
+        return joined, flags + told
+    away = Flag("turns_away", column, numbers={"count": abs(turns)})
+    return joined - _FULL_TURN * turns, [*flags, *told, away]
 
 
 def joined_turns(angle: FloatArray, time: FloatArray, column: str = "") -> tuple[FloatArray, list[Flag]]:

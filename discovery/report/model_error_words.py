@@ -7,6 +7,7 @@ import math
 from discovery.declarations.registry import effect_name
 from discovery.report.numbers import Record, listed, plain, sizes
 
+_TIMES = 2.0  # the model error of training, one held out that is told beside it
 AS_NONE = "nothing_missing", "explained"  #: Verdicts by which a model error counts as none.
 
 
@@ -42,9 +43,9 @@ def as_none(error: Record) -> str:
 
 
 def held_words(error: Record) -> str:
-    """Return the model error held out, where that alone is more than none."""
+    """Return the model error held out, where that alone is more than none, or twice as large as in training."""
     after, held, least = error["after"], error.get("held"), error["least"]
-    if after is None or held is None or not after <= least < held:
+    if after is None or held is None or not held > (_TIMES * after if after > least else least):
         return ""
     (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
     return f", and of {size} {unit}".rstrip() + " held out"
