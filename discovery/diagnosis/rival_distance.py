@@ -72,7 +72,7 @@ class _Rival:
         self.initial = points[m:]
 
     def starts(self, place: float | None) -> FloatArray:
-        """Return the initial states of all its parameter sets (2, m + 3): at a place [q] at no speed, or at its rest."""
+        """Return initial states of all its parameter sets (2, m + 3): at a place [q] at no speed, or at its rest."""
         return self.initial if place is None else self.initial + np.array([[place - self.rest], [0.0]])
 
     def derivatives(self, channels: FloatArray) -> tuple[FloatArray, FloatArray]:

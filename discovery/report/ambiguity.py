@@ -219,8 +219,8 @@ def _release(number: int, design: Mapping[str, Any]) -> Picture:
     below.set(ylabel=label("apart", design["unit"]), xlabel="time [s]")
     rivals, place = listed(names), f"{design['release']:.3g} {design['unit']}"
     caption = (
-        f"Manoeuvre {number}: let go at {place}, at no speed, to tell {rivals} apart. Above what each predicts with its "
-        "parameters as they are, below how far they lie apart."
+        f"Manoeuvre {number}: let go at {place}, at no speed, to tell {rivals} apart. Above what each predicts with "
+        "its parameters as they are, below how far they lie apart."
     )
     alt = f"Predictions of {rivals} against time after a release at {place}, and their difference."
     return Picture(f"manoeuvre_{number}", figure, caption, alt)
