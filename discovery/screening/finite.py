@@ -35,6 +35,8 @@ _Stated = Mapping[str, tuple[float, float]]
 _Point = tuple[str, Mapping[str, float]]
 #: Kinds that carry or return energy, and so move the frequency.
 _KINDS = ("shape", "joint", "memory", "potential", "kinetic")
+#: Kinds that push or brake.
+_PUSHES = ("drive", "dissipation", "load")
 #: Stiffness over the fitted one; a step of 3.6 % finds the phase of a dozen swings, half of it keeps it.
 _FACTORS = np.geomspace(0.8, 1.6, 20)
 _BESIDE = np.sqrt(_FACTORS[1] / _FACTORS[0]) ** np.array([-1.0, 0.0, 1.0])
@@ -62,9 +64,11 @@ def finite_starts(
     of others see `_starts_along`.
     """
     system = problem.model.mechanics.system
-    own = [get_effect(name) for name in names if get_effect(name).kind in _KINDS]
+    # What an input moves and no spring holds goes astray without its losses, and its gain with it.
+    loose = "alpha" not in problem.free and all(e.drive is not None for e in problem.bench.experiments)
+    own = [get_effect(name) for name in names if get_effect(name).kind in (*_KINDS, *(_PUSHES if loose else ()))]
     grids = {effect.id(): grid_of(effect, system, problem.units) for effect in own}
-    many = {name: grid for name, grid in grids.items() if len(grid) > 2 * MOST_SHAPES}
+    many = {name: grid for name, grid in grids.items() if loose or len(grid) > 2 * MOST_SHAPES}
     few = {name: grid for name, grid in grids.items() if name not in many}
     return [*_beside_stiffness(minimum, problem, few), *_starts_along(minimum, problem, many, stated or {})]
 
@@ -206,7 +210,7 @@ class _Lack:
         lack = self.lacked(absent[:, None])[:, 0]
         known, _ = np.linalg.qr(self._columns(absent[:, None], old, lack)[0])
         points = np.repeat(absent[:, None], len(grid), axis=1)
-        points[shapes] = [[values[names[i]] for values in grid] for i in shapes]
+        points[shapes] = np.reshape([[values[names[i]] for values in grid] for i in shapes], (-1, len(grid)))
         gains: list[float] = []
         together = max(1, int(_TOGETHER / (lack.size * max(1, len(sizes)))))
         for first in range(0, len(grid), together):
