@@ -18,6 +18,7 @@ from scipy.signal import savgol_filter
 from discovery.declarations.registry import get_effect
 from discovery.equations.program import build_program
 from discovery.estimation.beginning import lead
+from discovery.estimation.guess import restoring
 from discovery.estimation.least_squares import Minimum
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
@@ -61,14 +62,15 @@ def finite_starts(
 
     `minimum`, `problem`: the fit so far. `names`: candidate effects. `stated`: mean and standard deviation of what the
     rig knows, which the fit holds. Returned: at most two for each effect of few shapes, the best sizes by chi-square;
-    of others see `_starts_along`.
+    of others, and of what pushes or brakes a driven body that nothing pulls back, see `_starts_along`.
     """
     system = problem.model.mechanics.system
     # What an input moves and no spring holds goes astray without its losses, and its gain with it.
-    loose = "alpha" not in problem.free and all(e.drive is not None for e in problem.bench.experiments)
-    own = [get_effect(name) for name in names if get_effect(name).kind in (*_KINDS, *(_PUSHES if loose else ()))]
+    loose = restoring(problem.model) is None and all(e.drive is not None for e in problem.bench.experiments)
+    along = _PUSHES if loose else ()
+    own = [effect for effect in map(get_effect, names) if effect.kind in (*_KINDS, *along)]
     grids = {effect.id(): grid_of(effect, system, problem.units) for effect in own}
-    many = {name: grid for name, grid in grids.items() if loose or len(grid) > 2 * MOST_SHAPES}
+    many = {e.id(): grids[e.id()] for e in own if e.kind in along or len(grids[e.id()]) > 2 * MOST_SHAPES}
     few = {name: grid for name, grid in grids.items() if name not in many}
     return [*_beside_stiffness(minimum, problem, few), *_starts_along(minimum, problem, many, stated or {})]
 
@@ -125,7 +127,8 @@ def _starts_along(minimum: Minimum, problem: Problem, grids: Mapping[str, _Grid]
     """Return starts of refits at the shapes that explain best which force the recorded motion lacks.
 
     The teeth of a motor hold on to its rotor and let it go. The motion of a model without them is soon at another
-    tooth, and what a little of the law does there tells no number of teeth. The recorded motion is at the right one.
+    tooth, and what a little of the law does there tells no number of teeth. The recorded motion is at the right one. So
+    it is where a motor stands still by a friction that the model lacks, and runs on in the model.
 
     `minimum`, `problem`, `stated`: as for `finite_starts`. `grids`: the shapes of each candidate effect. Returned:
     effect, its values, and those of all else that is fitted, as they are, and led from the beginning of the recordings
