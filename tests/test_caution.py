@@ -405,6 +405,9 @@ def test_a_gain_that_is_lost_with_what_was_added_is_doubted(value: float, sd: fl
     if never is not None:
         assert "the gain of the input is not told from zero, g = " in (said := caution_sentence(never.summary()))
         assert "before" not in said
+    # The input may act through a second mode.
+    model = Model("oscillator", (*DECLARED, "second_mode"))
+    assert gain_untold(fitted(9.3, 1.0), fitted(value, sd)) is None
 
 
 def test_a_fit_that_stopped_on_its_way_is_doubted(scaled: Fit) -> None:

@@ -26,9 +26,9 @@ from discovery_datasets import instrument, recordings, registry
 from discovery_datasets.disturbances import DISTURBANCES
 
 from discovery.cli import cli, main
-from discovery.cli.answers import check_state
 from discovery.cli.options import KINDS as NAMED_KINDS
 from discovery.cli.options import Seconds, progress
+from discovery.cli.prediction import check_state, read_wanted
 from discovery.cli.say import doubts, say_loop
 from discovery.cli.sources import MANOEUVRES
 from discovery.cli.stages import NOISES
@@ -443,6 +443,27 @@ def test_a_drive_that_has_turned_far_may_start_there(tmp_path: Path) -> None:
     check_state((120.0, 0.0), data)
     with pytest.raises(InputError, match="If you mean 400 degrees"):
         check_state((400.0, 0.0), data)
+
+
+@pytest.mark.parametrize(("unit", "told"), [("V", True), ("rad", False)])
+def test_an_input_beyond_that_of_training_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, told: bool
+) -> None:
+    time = np.arange(400) / 40
+    for name, size in (("y", 1.0), ("far", 3.0)):
+        rows = {"t": time, "u": size * np.sin(time), "y": size * np.cos(time)}
+        pd.DataFrame(rows).to_csv(tmp_path / f"{name}.csv", index=False)
+    kind = "drive" if told else "base_excited"
+    (tmp_path / "rig.toml").write_text(
+        f'name = "y"\nkind = "{kind}"\n[columns]\ntime = {{ name = "t", unit = "s" }}\n'
+        f'input = {{ name = "u", unit = "{unit}" }}\noutput = {{ name = "y", unit = "rad" }}\n'
+    )
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "y.csv"])
+    read_wanted(tmp_path / "y.csv", data, None)
+    assert "its input reaches" not in capsys.readouterr().err
+    read_wanted(tmp_path / "far.csv", data, None)
+    said = capsys.readouterr().err
+    assert ("far.csv: its input reaches 3 V, and that of the training recordings 1 V." in said) == told
 
 
 def test_fits_have_units_and_what_is_known_exactly_no_deviation(

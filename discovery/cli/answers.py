@@ -11,7 +11,8 @@ import click
 
 from discovery.cli.folders import results_folder
 from discovery.cli.loop_page import check_parts, remove_page, write_failed_page, write_page
-from discovery.cli.options import PATH, Seconds, load, note, once, options, print_json, progress
+from discovery.cli.options import PATH, Seconds, load, once, options, print_json, progress
+from discovery.cli.prediction import check_state, read_state, read_wanted, write_prediction
 from discovery.cli.say import doubts, say_doubts, say_failed, say_left_out, say_loop, say_missing
 from discovery.cli.streams import spoken
 
@@ -20,17 +21,10 @@ if TYPE_CHECKING:
 
     from discovery.diagnosis.missing_force import MissingForce
     from discovery.foundation.errors import ComputationError
-    from discovery.foundation.progress import Tell
     from discovery.recordings.dataset import Dataset
-    from discovery.recordings.experiment import Experiment
     from discovery.runs.answer import Answer
     from discovery.runs.failed_loop import FailedLoop
     from discovery.runs.loop_result import LoopResult
-
-#: A recorded reach, or a turn, times so much is still believed of an angle that turns on.
-_ANGLES = 2.0
-#: A recorded reach times so much is still believed of a length: a thousand is a mistaken prefix.
-_LENGTHS = 30.0
 
 
 @click.command()
@@ -139,12 +133,12 @@ def loop(
     from discovery.runs.stages import loop as close
     from discovery.runs.stages import unexplained
 
-    initial = _read_state(initial_state)
+    initial = read_state(initial_state)
     if initial is not None and target is None:
         raise click.UsageError("--initial-state needs --predict: training and hold-out start where their fit says.")
     dataset = load(rig, train, holdout, quiet, estimate_noise=estimate_noise)
     check_state(initial, dataset)
-    wanted = None if target is None else _wanted(target, dataset, initial)
+    wanted = None if target is None else read_wanted(target, dataset, initial)
     folder = results_folder(out, "loop.json", "prediction.csv", "report.html")
     check_parts(folder)
     try:
@@ -158,7 +152,7 @@ def loop(
     with progress(quiet) as tell:
         missing = unexplained(result, dataset, progress=tell)
         content = _written(folder, result, missing)
-        failed = None if wanted is None else _predicted(folder, wanted, result, initial, tell, target)
+        failed = None if wanted is None else write_prediction(folder, wanted, result, initial, tell, target)
     doubted = _said(result, dataset, missing, as_json)
     with progress(quiet) as tell:
         tell("writing the report")
@@ -172,69 +166,6 @@ def loop(
     if failed is not None:
         # What was found has been said.
         raise failed
-
-
-def _read_state(text: str | None) -> tuple[float, float] | None:
-    """Return the two numbers of ``--initial-state``; refuse what are not two finite numbers."""
-    if text is None:
-        return None
-    from discovery.foundation.errors import InputError
-
-    try:
-        angle, rate = (float(part) for part in text.split(","))
-        if not (math.isfinite(angle) and math.isfinite(rate)):
-            raise ValueError
-    except ValueError:
-        raise InputError(
-            f"--initial-state {text!r} is not POSITION,RATE: give two numbers in rad and rad/s, such as 0.1,0, or "
-            "where the output is a length in m and m/s."
-        ) from None
-    return angle, rate
-
-
-def check_state(state: tuple[float, float] | None, dataset: Dataset) -> None:
-    """Refuse a state in degrees, or in a column's unit that is not an SI unit, with the same state in SI units."""
-    first = dataset.train[0]
-    if state is None or first.rig.view is not None or first.reads_acceleration:
-        return
-    import numpy as np
-
-    from discovery.declarations.units import si_factor
-    from discovery.foundation.errors import InputError
-
-    value, rate = state
-    unit, column = first.coordinate_unit, first.rig.columns.output.unit
-    # A hub or a pendulum may turn on: what was recorded is believed, and as much again.
-    reach = max(float(np.nanmax(np.abs(e.deflection))) for _, e in dataset.everything)
-    if unit == "rad":
-        factor, other = math.radians(1.0), "degrees"
-        mistaken = abs(value) > max(2.0 * math.pi, _ANGLES * reach)
-    else:
-        factor, other = si_factor(column), column
-        mistaken = abs(value) > _LENGTHS * reach >= factor * abs(value)
-    if mistaken:
-        raise InputError(
-            f"--initial-state {value:g},{rate:g} is in {unit} and {unit}/s, but the recordings reach no farther than "
-            f"{reach:.3g} {unit}. If you mean {value:g} {other}, give --initial-state "
-            f"{factor * value:.4g},{factor * rate:.4g}."
-        )
-
-
-def _wanted(target: Path, dataset: Dataset, initial: tuple[float, float] | None) -> Experiment:
-    """Read what is to be predicted."""
-    from discovery.declarations.units import in_coordinate
-    from discovery.recordings.dataset import read_to_predict
-    from discovery.recordings.experiment import make_experiment
-
-    wanted = make_experiment(read_to_predict(target, dataset.rig), dataset.rig)
-    if initial is None and wanted.drive is None:
-        unit = dataset.train[0].reading_unit
-        note(
-            f"{target}: without --initial-state the prediction starts at rest, and no input drives this system: it "
-            "stays there, unless it falls or a force in time is found. Give what is read at the first time, and its "
-            f"rate, with --initial-state POSITION,RATE [{unit}, {in_coordinate('q s^-1', unit)}]."
-        )
-    return wanted
 
 
 def _said(result: LoopResult, dataset: Dataset, missing: MissingForce | None, as_json: bool) -> list[str]:
@@ -276,25 +207,6 @@ def _written(folder: Path, result: LoopResult, missing: MissingForce | None) -> 
     (folder / "prediction.csv").unlink(missing_ok=True)
     remove_page(folder)
     return write_loop(folder, result, missing=missing)
-
-
-def _predicted(
-    folder: Path, wanted: Experiment, result: LoopResult, initial: tuple[float, float] | None, tell: Tell,
-    target: Path | None,
-) -> ComputationError | None:  # fmt: skip
-    """Write prediction.csv, and return why there is none."""
-    from discovery.foundation.errors import ComputationError
-    from discovery.runs.loop_files import save_prediction
-
-    tell("predicting")
-    try:
-        models, errors = (result.before, result.foresight()), result.model_error.expected
-        why = save_prediction(folder / "prediction.csv", wanted, *models, initial, errors)
-    except ComputationError as failure:
-        return failure
-    if why:
-        note(f"{target}: the declared model does not predict it, its columns are left empty. {why}")
-    return None
 
 
 COMMANDS: tuple[click.Command, ...] = (run, loop)

@@ -90,7 +90,10 @@ def gain_untold(declared: Fit, final: Fit) -> Caution | None:
     """Return the gain of the input that the final model does not tell from zero; None without.
 
     Where the declared one did, what was added does as the input does, or as the losses that the input makes up for.
+    Beside a second mode the gain is a share of what the input does.
     """
+    if any(get_effect(e).kind == "mode" for e in final.model.effects):
+        return None
     for name in sorted(final.model.mechanics.gains() & {*declared.problem.free} & {*final.problem.free}):
         before, after = declared.told(name), final.told(name)
         if after["sd"] is not None and abs(after["value"]) >= _TOLD * after["sd"]:
