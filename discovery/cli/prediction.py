@@ -106,7 +106,8 @@ def _beyond(wanted: Experiment, train: Sequence[Experiment]) -> str | None:
         return None
     return (
         f"its input reaches {quoted(most, unit, 3)}, and that of the training recordings {quoted(known, unit, 3)}. "
-        "Beyond it laws that explain training alike may part: the standard deviations are those of the one that is named."
+        "Beyond it laws that explain training alike may part: the standard deviations are those of the law that is "
+        "named."
     )
 
 
