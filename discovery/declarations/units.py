@@ -69,7 +69,8 @@ _SPELLED = {
     **dict.fromkeys(("mph", "MPH"), "mile/h"),
 }
 _SPELLING = re.compile(r"(?<!\w)(?:" + "|".join(map(re.escape, sorted(_SPELLED, key=len, reverse=True))) + r")(?!\w)")
-_POWER = re.compile(r"(?<=[A-Za-z])(?=-?[1-9](?![\w.]))")  # between a unit and a bare exponent
+_POWER = re.compile(r"(?<=[A-Za-z])(?=(?:-[1-9]|[2-4])(?![\w.]))")  # between a unit and a bare exponent
+_COMPOUND = re.compile(r"[/ -]")  # what may hold one: m2 alone may be the second motor
 _TOKEN = re.compile(
     r"\s*(?:(?P<slash>/)|(?P<symbol>[A-Za-z]+|1)(?:\^(?:(?P<power>-?\d+)|\((?P<fraction>-?\d+(?:/\d+)?)\)))?(?=[\s/]|\Z))"
 )
@@ -171,10 +172,13 @@ def standard_unit(text: str) -> str:
 
     Examples
     --------
-    >>> standard_unit("Nm"), standard_unit("rev/min"), standard_unit("mNm/RPM"), standard_unit("m/s2")
-    ('N m', 'rpm', '(mN m)/(rpm)', 'm/s^2')
+    >>> standard_unit("Nm"), standard_unit("rev/min"), standard_unit("mNm/RPM")
+    ('N m', 'rpm', '(mN m)/(rpm)')
+    >>> standard_unit("m/s2"), standard_unit("m2")
+    ('m/s^2', 'm2')
     """
-    return _POWER.sub("^", _SPELLING.sub(lambda m: _SPELLED[m[0]] if m[0] == text else f"({_SPELLED[m[0]]})", text))
+    spelled = _SPELLING.sub(lambda m: _SPELLED[m[0]] if m[0] == text else f"({_SPELLED[m[0]]})", text)
+    return _POWER.sub("^", spelled) if _COMPOUND.search(text) else spelled
 
 
 @lru_cache(maxsize=256)
