@@ -654,3 +654,10 @@ def test_mapped_parameters_give_the_same_motion(effect, tmp_path):
     size = np.abs(reading(with_it) - reading(bare))
     assert size.mean() > 1e-4
     assert left.mean() < max(5e-5, 0.02 * size.mean())
+
+
+def test_a_second_mode_is_mechanics_of_an_arm_and_an_effect_of_another_body() -> None:
+    loop = {"effects": [{"id": "second_mode"}, {"id": "quadratic_drag"}]}
+    named = {system: [e["id"] for e in score.beside_mechanics(loop, {"system": system})] for system in ("arm", "bench")}
+    assert named == {"arm": ["quadratic_drag"], "bench": ["second_mode", "quadratic_drag"]}
+    assert score.beside_mechanics(loop, {}) == score.beside_mechanics(loop, {"system": "arm"})

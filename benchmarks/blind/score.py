@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from benchmarks.blind.rough.refit import at_times
 from benchmarks.blind.truth import catalogue_values
 from discovery.results.provenance import read_json, write_json
 
-#: The arm's own mechanics: a clean case is one where nothing else is added.
+#: The arm's own mechanics: a clean arm is one where nothing else is added. A mode that another body has is an effect.
 GEOMETRY = frozenset(
     {
         "elastica_geometry", "radius_inertia", "centrifugal_stiffening", "coriolis_coupling", "radial_inertia",
@@ -130,15 +130,14 @@ def described(truth: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def named_effects(loop: Mapping[str, Any]) -> dict[str, set[str]]:
-    """Effects that a loop names beside the mechanics, each with what it cannot be told apart from."""
-    effects = [e for e in loop["effects"] if e["id"] not in GEOMETRY]
-    return {e["id"]: {e["id"], *e.get("ambiguous_with", ())} for e in effects}
+def beside_mechanics(loop: Mapping[str, Any], truth: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Effects that a loop names beside the mechanics of what is recorded."""
+    own = GEOMETRY if truth.get("system", "arm") == "arm" else ()
+    return [e for e in loop["effects"] if e["id"] not in own]
 
 
-def beliefs(loop: Mapping[str, Any]) -> dict[str, Any]:
+def beliefs(loop: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Least probability of what is named, and the model's error, where the loop states them."""
-    effects = [e for e in loop["effects"] if e["id"] not in GEOMETRY]
     stated = [p for e in effects if (p := e.get("group_probability", e.get("probability"))) is not None]
     error = loop.get("model_error")
     return {"probability": min(stated, default=None), "stated_error": None if error is None else json.dumps(error)}
@@ -166,7 +165,8 @@ def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], 
     if "error" in done:
         return {**row, "error": done["error"]}, []
     loop = read_json(results / "loop.json")
-    groups = named_effects(loop)
+    effects = beside_mechanics(loop, truth)
+    groups = {e["id"]: {e["id"], *e.get("ambiguous_with", ())} for e in effects}
     verdict = judge(list(groups), groups, truth["effects"])
     clean = pd.read_csv(folder / "truth" / f"{name}_holdout_clean.csv")
     prediction = pd.read_csv(results / "prediction.csv")
@@ -186,7 +186,7 @@ def score_case(folder: Path, truth: Mapping[str, Any]) -> tuple[dict[str, Any], 
         "seconds": done["seconds"],
         **{f"{when}_mm": 1e3 * v for when, v in rms.items()},
         "after_over_noise": rms["after"] / truth["noise"],
-        **beliefs(loop),
+        **beliefs(loop, effects),
         **peer_columns(results, truth),
     }
     if truth["effects"]:
