@@ -25,23 +25,25 @@ from discovery.screening.refits import refit
 TEETH = 12
 
 
-def without_teeth(directory: Path, rig: str, effect: str) -> tuple[Problem, Minimum]:
+def without_teeth(directory: Path, rig: str, *effects: str) -> tuple[Problem, Minimum]:
     """Return the fit of a motor without the teeth that its rotor has, on simulators that know them."""
     (directory / "rig.toml").write_text(rig, encoding="utf-8")
     record(machines.motor(), "shaft", laws.cogging(0.02, TEETH), directory / "a.csv", 4)
     data = load_dataset(directory / "rig.toml", [directory / "a.csv"], keep_third=False)
     found = fit(declared_model(data), data)
     bare = found.problem
-    bench = Bench(bare.bench.base, (*bare.bench.effects, effect), bare.bench.experiments, bare.bench.step)
+    bench = Bench(bare.bench.base, (*bare.bench.effects, *effects), bare.bench.experiments, bare.bench.step)
     return replace(bare, bench=bench), found.minimum
 
 
 def test_teeth_that_a_linear_response_does_not_count_are_counted_along_the_motion(tmp_path: Path) -> None:
-    problem, minimum = without_teeth(tmp_path, machines.motor().rig, "cogging_at_shaft")
+    problem, minimum = without_teeth(tmp_path, machines.motor().rig, "cogging_at_shaft", "coulomb_friction_at_shaft")
     (scored,) = screen(minimum, problem, ["cogging_at_shaft"])
     (linear,) = refit(minimum, problem, [scored])
-    starts = finite_starts(minimum, problem, ["cogging_at_shaft"])
-    assert {name for name, _, _ in starts} == {"cogging_at_shaft"}
+    names = ["cogging_at_shaft", "coulomb_friction_at_shaft"]
+    every = finite_starts(minimum, problem, names)
+    assert {name for name, _, _ in every} == {*names}  # friction brakes what is driven
+    starts = [start for start in every if start[0] == "cogging_at_shaft"]
     assert starts[0][1][-1] == TEETH
     (found,) = refit(minimum, problem, [scored], finite=starts)
     assert found.values["N_c_shaft"] == pytest.approx(TEETH, abs=0.05)

@@ -62,10 +62,10 @@ def finite_starts(
 
     `minimum`, `problem`: the fit so far. `names`: candidate effects. `stated`: mean and standard deviation of what the
     rig knows, which the fit holds. Returned: at most two for each effect of few shapes, the best sizes by chi-square;
-    of others, and of what pushes or brakes a driven body that nothing pulls back, see `_starts_along`.
+    of others, and of what pushes or brakes a driven body without a stiffness to scan, see `_starts_along`.
     """
     system = problem.model.mechanics.system
-    # What an input moves and no spring holds goes astray without its losses, and its gain with it.
+    # What an input moves, with no stiffness to scan, goes astray without its losses, and its gain with it.
     loose = restoring(problem.model) is None and all(e.drive is not None for e in problem.bench.experiments)
     along = _PUSHES if loose else ()
     own = [effect for effect in map(get_effect, names) if effect.kind in (*_KINDS, *along)]
@@ -212,11 +212,13 @@ class _Lack:
         absent[sizes] = 0.0
         lack = self.lacked(absent[:, None])[:, 0]
         known, _ = np.linalg.qr(self._columns(absent[:, None], old, lack)[0])
-        points = np.repeat(absent[:, None], len(grid), axis=1)
-        points[shapes] = np.reshape([[values[names[i]] for values in grid] for i in shapes], (-1, len(grid)))
+        # Sizes are zero here, so that points which differ in them alone are one.
+        tried = list(dict.fromkeys(tuple(values[names[i]] for i in shapes) for values in grid))
+        points = np.repeat(absent[:, None], len(tried), axis=1)
+        points[shapes] = np.array(tried).T
         gains: list[float] = []
         together = max(1, int(_TOGETHER / (lack.size * max(1, len(sizes)))))
-        for first in range(0, len(grid), together):
+        for first in range(0, len(tried), together):
             # Amplitudes are zero, so that shapes alone change nothing.
             for columns in self._columns(points[:, first : first + together], sizes, lack):
                 basis, _ = np.linalg.qr(columns - known @ (known.T @ columns))
