@@ -26,7 +26,7 @@ from discovery.recordings.parts import fitted_count, moving_count, moving_part, 
 from discovery.recordings.recording import Recording, read_recording
 from discovery.recordings.uneven_noise import with_uneven_noise
 from discovery.recordings.unit_mistakes import angle_doubt, fall_doubt
-from discovery.recordings.unusable import FEWEST, refuse_unusable
+from discovery.recordings.unusable import refuse_unusable
 from discovery.rigs.rig import RecordPart, Rig
 from discovery.rigs.rig_file import read_rig
 
@@ -217,8 +217,8 @@ def _to_fit(
 def _fitted(recording: Recording, rig: Rig, *, alone: bool) -> Experiment:
     """Return the experiment of a recording that is fitted, up to where it rests; in part where it stands alone."""
     moving = moving_part(recording)
-    least = min(FEWEST, rig.traits.fewest)
-    count = fitted_count(moving, pushed=get_base(rig.base).is_pushed, fewest=least) if alone else None
+    pushed = get_base(rig.base).is_pushed
+    count = fitted_count(moving, pushed=pushed, fewest=rig.traits.fewest) if alone else None
     return make_experiment(moving, rig, fitted_samples=count)
 
 
