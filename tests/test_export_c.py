@@ -97,6 +97,8 @@ def test_the_c_is_called_from_python_as_the_numpy_file_is(base: str, tmp_path: P
         found.simulate(time[::-1], *driven)
     with pytest.raises(ValueError, match="inputs"):
         found.simulate(time, *driven, driven[0])
+    # Neither is taken for the Python file that may lie beside it.
+    assert importlib.machinery.PathFinder.find_spec("model", [str(tmp_path)]) is None
 
 
 @pytest.mark.parametrize("base", COMPILED)

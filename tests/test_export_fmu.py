@@ -62,6 +62,22 @@ def test_the_description_is_valid(base: str, tmp_path: Path) -> None:
     assert validate_fmu(str(written(FittedModel(model, values), tmp_path))) == []
 
 
+@pytest.mark.parametrize(
+    ("base", "given", "units"),
+    [
+        ("reduced", "", ["rad", "rad s^-1", "rad s^-2", "m", "m"]),
+        ("oscillator", "N", ["N", "m"]),
+        ("base_excited", "m", ["m", "m s^-1", "m s^-2", "m"]),
+        ("oscillator", "", [None, "m"]),
+    ],
+)
+def test_inputs_and_outputs_have_units(base: str, given: str, units: list[str | None], tmp_path: Path) -> None:
+    model = with_stiffness(base)
+    found = FittedModel(model, some_values(model), coordinate="" if base == "reduced" else "m", given=given)
+    read = fmpy.read_model_description(str(written(found, tmp_path)))
+    assert [v.unit for v in read.modelVariables if v.causality in {"input", "output"}] == units
+
+
 @pytest.mark.parametrize("tau", [pytest.param(0.0, marks=pytest.mark.slow), 0.0127])
 def test_a_held_out_recording_is_followed(tau: float, tmp_path: Path) -> None:
     """25 s in steps of a millisecond, shorter at kinks: within 1e-6 of the kernel, relative to the largest reading.

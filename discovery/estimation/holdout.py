@@ -53,7 +53,7 @@ class HoldOut:
     def __init__(
         self, train: Sequence[Experiment], separate: Sequence[Experiment], units: NaturalUnits, tolerance: float
     ) -> None:
-        self.train, self.separate, self.units, self.tolerance = train, separate, units, tolerance
+        self.train, self.separate, self.units = train, separate, units
         self.continued = not separate
         reach = largest_deflection(train)
         self.inside = [largest_deflection([e]) <= 1.05 * reach for e in separate]

@@ -66,15 +66,15 @@ def _variables(found: FittedModel) -> Iterable[dict[str, str]]:
     yield {"name": "rate_0", "description": "its rate", **held, "start": "0.0", "unit": in_coordinate("q s^-1", q)}
     step = repr(integration_step(found))
     yield {"name": "step", "description": "longest integration step", **held, "start": step, "unit": "s"}
-    inputs: tuple[str, ...] = ("input",)
-    if base.input_moves:
-        stem = "theta_m" if arm else "input"
-        inputs = (stem, f"{stem}_dot", f"{stem}_ddot")
-    for name in inputs:
-        yield {"name": name, "causality": "input", "variability": "continuous", "start": "0.0"}
+    # A model of no recording does not know the unit of its input.
+    stem, given = ("theta_m", "rad") if arm else ("input", found.given)
+    rates = {"": "u", "_dot": "u s^-1", "_ddot": "u s^-2"} if base.input_moves else {"": "u"}
+    for end, unit in rates.items():
+        driven = {"name": stem + end, "causality": "input", "variability": "continuous", "start": "0.0"}
+        yield {**driven, "unit": in_coordinate(unit, q, given)} if given else driven
     for name in base.channels:
         read = {"name": name, "causality": "output", "variability": "continuous", "initial": "calculated"}
-        yield {**read, "unit": "m"} if arm else read
+        yield {**read, "unit": "m" if arm else found.reading or q}
 
 
 def _description(found: FittedModel, guid: str) -> bytes:
