@@ -13,7 +13,7 @@ from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import median_step
 from discovery.recordings.force_view import cutoff_for
 from discovery.recordings.reading_noise import filled, spectrum
-from discovery.recordings.unusable import FEWEST
+from discovery.rigs.kinds import KINDS
 
 _FORCE_OF = {"m": "N", "m/s": "N", "rad": "N m", "rad/s": "N m"}
 #: Share of the square of a speed below the frequency of a motion, and multiples of that frequency up to which its force
@@ -36,7 +36,7 @@ def view(recordings: Sequence[Signals], *, third: bool) -> Iterator[str]:
     """
     frequency, rate = max(map(_frequency, recordings)), 1.0 / median_step(recordings[0].seconds)
     # Of a short recording at a low rate as much is taken as leaves readings enough.
-    least = max(cutoff_for(FEWEST + 1, float(np.ptp(r.seconds)), third=third) for r in recordings)
+    least = max(cutoff_for(KINDS["oscillator"].fewest + 1, float(np.ptp(r.seconds)), third=third) for r in recordings)
     cutoff = min(max(min(_MULTIPLES * frequency, _LARGEST / _WIDER * rate), least), _LARGEST * rate)
     yield "[view]"
     yield 'output = "force"   # the motion is imposed, and the force that it takes is compared'

@@ -19,8 +19,6 @@ from discovery.recordings.copies import scaled_copy
 from discovery.recordings.experiment import Experiment, largest_deflection
 from discovery.recordings.force_view import more_of_force
 
-#: Finite samples that a fitted and a held-out part need at least, where the kind of system does not need fewer.
-FEWEST = 30
 #: A rod bends where its deflections scatter by more than noise would, over the scatter of their steps.
 _BENDS = 1.1
 #: Readings that tell whether a body begins at rest.
@@ -57,7 +55,7 @@ def _refuse_one(role: str, experiment: Experiment) -> None:
     parts = {"fitted": finite[fitted]} if role == "train" else {"held-out": finite}
     if role == "train" and not fitted.all():
         parts["held-out"] = finite[~fitted]
-    fewest = min(FEWEST, experiment.rig.traits.fewest)
+    fewest = experiment.rig.traits.fewest
     for name, part in parts.items():
         if part.sum() < fewest:
             raise _too_few(experiment, name, part, fewest, finite.size if len(parts) > 1 else None)
