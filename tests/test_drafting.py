@@ -243,6 +243,17 @@ def test_an_angle_that_turns_on_and_on_is_that_of_a_drive(tmp_path: Path) -> Non
     assert drafted(whirled)["kind"] == "pendulum"
 
 
+def test_what_goes_back_while_its_input_rests_has_a_spring(tmp_path: Path) -> None:
+    """It creeps back to where it was before the push, without a swing; a wheel that is pushed runs out."""
+    push = np.where((TIME > 1.0) & (TIME < 3.0), 5.0, 0.0)
+    gone = np.maximum(TIME - 3.0, 0.0)
+    pushed = np.clip(TIME - 1.0, 0.0, 2.0)
+    back, out = pushed * np.exp(-gone), pushed + 0.5 * (1.0 - np.exp(-2.0 * gone))
+    for motion, kind in ((back, "oscillator"), (out, "drive")):
+        path = written(tmp_path, "a.csv", "t_s,voltage_V,angle_rad", TIME, push, motion)
+        assert drafted(path)["kind"] == kind
+
+
 def test_the_noise_that_is_told_is_never_less_than_that_of_rounding(tmp_path: Path) -> None:
     coarse = np.round(np.cos(0.6 * TIME) / 0.05) * 0.05
     text = draft([written(tmp_path, "a.csv", "t_s,x_mm", TIME, coarse)], tmp_path)

@@ -53,6 +53,14 @@ def test_where_too_few_would_be_fitted_all_is_divided() -> None:
     assert fitted_count(swing, fewest=few + 1) == 2000
 
 
+def test_where_a_motion_is_seen_late_enough_is_held_out() -> None:
+    grown = recorded(np.exp(0.5 * (TIME - 60.0)) * np.sin(6 * TIME), noise=0.02)
+    late = 3000 - fitted_count(grown)
+    assert late < 500
+    assert 3000 - fitted_count(grown, fewest=late) == late
+    assert 3000 - fitted_count(grown, fewest=late + 20) == late + 20
+
+
 @given(offset=st.floats(-1e3, 1e3), scale=st.sampled_from([1e-6, 1.0, 1e6]))
 def test_neither_place_nor_unit_matters(offset: float, scale: float) -> None:
     swing = np.exp(-0.3 * TIME) * np.sin(6 * TIME)

@@ -267,6 +267,18 @@ def test_a_comment_above_numbers_names_the_columns(tmp_path, comment, separator,
     assert list(read_table(path, list("abc")).columns) == list("abc")
 
 
+@pytest.mark.parametrize("above", ["--- a swing ---\ntime,force,angle\n", "time;force;angle\n"])
+def test_names_may_be_parted_otherwise_than_the_numbers(tmp_path, above):
+    path = tmp_path / "r.txt"
+    rows = "\n".join("\t".join(f"{v:.3f}".replace(".", ",") for v in row) for row in VALUES)
+    path.write_text(f"{above}{rows}\n")
+    table = read_table(path)
+    assert list(table.columns) == ["time", "force", "angle"]
+    assert unnamed_columns(path) == ()
+    np.testing.assert_array_equal(np.column_stack([table.numbers(name) for name in table.columns]), VALUES)
+    assert list(read_table(path, list("abc")).columns) == list("abc")
+
+
 @pytest.mark.parametrize("empty", [",", ",,", ' , ""', ";", "\t\t"])
 def test_rows_of_empty_cells_are_passed_over(empty: str) -> None:
     """Spreadsheets write them by the hundred below what was measured."""

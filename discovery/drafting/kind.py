@@ -16,7 +16,7 @@ from discovery.drafting.law_of_motion import own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
-from discovery.recordings.running_on import counts_up, goes_back, runs_on
+from discovery.recordings.running_on import comes_back, counts_up, goes_back, runs_on
 from discovery.rigs.kinds import Kind
 
 #: Which derivative of a coordinate is read, by the unit of the output.
@@ -90,13 +90,15 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         return Guess("oscillator", free)
     if found.reads == "acceleration":
         return Guess("oscillator", "an acceleration does not tell whether anything pulls it back")
-    swing = swing_of(recordings)
+    swing, turned = swing_of(recordings), "pendulum" if unit == "rad" and hanging else "oscillator"
     if swing is None:
+        if (one := next(filter(_comes_back, recordings), None)) is not None:
+            return Guess(turned, f"in {one.path.name} it goes back while the input is zero")
         looked = name if len(recordings) == 1 else f"none of {len(recordings)} recordings"
         shows = "shows no swing" if len(recordings) == 1 else "shows a swing"
         return Guess("drive", f"an input moves it, and {looked} {shows} about a place of rest")
     back = f"in {swing.path.name} it swings about its rest, once in about {swing.period:.3g} s"
-    return Guess("pendulum" if unit == "rad" and hanging else "oscillator", back)
+    return Guess(turned, back)
 
 
 def _turns_back_beyond_half_a_turn(found: Signals) -> bool:
@@ -113,6 +115,10 @@ def _goes_on(found: Signals) -> bool:
     if found.reads in ("acceleration", "speed", "height") or unit not in _READ:
         return False
     return counts_up(read) or (found.input is None and runs_on(read, unit))
+
+
+def _comes_back(found: Signals) -> bool:
+    return found.input is not None and comes_back(found.output.si, found.input.si)
 
 
 def swing_of(recordings: Sequence[Signals]) -> Swing | None:

@@ -8,6 +8,10 @@ from discovery.foundation.arrays import BoolArray, FloatArray
 
 #: Stamps that only jitter are nearer than this, over the median step; where one sample is lost they are twice as far.
 _GAP = 1.5
+#: So many steps together scatter by less than this part of what samples lost by chance would make of them,
+_TOGETHER, _STEADY = 40, 0.5
+#: where they last so much longer than as many median ones, in these.
+_LONGER = 0.05
 #: Of the median step, by which others may differ.
 _UNEVEN = 0.05
 
@@ -31,14 +35,30 @@ def mean_rate(time: FloatArray) -> float:
 def gaps(time: FloatArray, step: float | None = None) -> BoolArray:
     """Return for each of the n - 1 steps between n instants whether samples are missing in it.
 
-    That is by its length over `step`, which is their median where none is given.
+    That is by its length over `step`, which is their usual one where none is given.
 
     Examples
     --------
     >>> gaps(np.array([0.0, 0.1, 0.2, 0.4, 0.5])).tolist()
     [False, False, True, False]
     """
-    return np.asarray(np.diff(time) > _GAP * (median_step(time) if step is None else step))
+    return np.asarray(np.diff(time) > (_longest(time) if step is None else _GAP * step))
+
+
+def _longest(time: FloatArray) -> float:
+    """Return the longest step in which no sample is missing.
+
+    Of a clock that ticks every 1.4 ms and is read in whole milliseconds steps are of one and of two. What many of them
+    last together tells them from lost samples: it differs by little more than a rounding, where losses add up.
+    """
+    median, spans = median_step(time), time[_TOGETHER:] - time[:-_TOGETHER]
+    if spans.size < _TOGETHER:
+        return _GAP * median
+    low, usual, high = np.quantile(spans, [0.16, 0.5, 0.84]) / median
+    more = usual / _TOGETHER - 1.0
+    by_chance = np.sqrt(_TOGETHER * max(more, 0.0) * (1.0 + more))
+    rounded = more > _LONGER and (high - low) / 2 < _STEADY * by_chance
+    return median * float(_GAP * (1.0 + more) + 0.5 if rounded else _GAP)
 
 
 def are_uneven(time: FloatArray) -> bool:

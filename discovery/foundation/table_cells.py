@@ -1,4 +1,4 @@
-"""The cells of a line of a table, and the names of columns that comments above it hold."""
+"""The cells of a line of a table, and the names of columns that comments or a title above it hold."""
 
 from __future__ import annotations
 
@@ -28,10 +28,16 @@ def cells_of(row: str, separator: str) -> list[str]:
 def commented_names(above: Sequence[str], separator: str, first: Sequence[str]) -> list[str]:
     """Return the names of columns in the comments right above a first row of numbers; none where they name others.
 
-    A line of units may stand below them.
+    A line of units may stand below them. A title right above may hold the names as well, parted by another mark than
+    the numbers are: by commas where those have tabs between them and decimal commas.
     """
     if not all(map(is_either_number, first)):
         return []
+    title = next((line.strip() for line in reversed(above) if line.strip()), "#")
+    for names in [cells_of(title, mark) for mark in ",;\t"] if title[0] not in "#%" else []:
+        named = len(names) == len(first) > 1 and all(names) and not any(map(is_either_number, names))
+        if named and not any({*name.lower().split()} & _SAID for name in names):
+            return names
     comments = list(takewhile(lambda line: line[:1] in ("#", "%"), map(str.strip, reversed(above))))
     lines = [comment.lstrip("#% \t") for comment in comments]
     # Columns may be set out with blanks in the comments alone, but a sentence names none.

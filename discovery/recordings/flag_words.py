@@ -203,8 +203,8 @@ CODES: dict[str, Words] = {
     ),
     "third_apart": (
         "note",
-        "nothing pulls what is read back to a place, so what a prediction misses adds up: the last {held} of {count} "
-        "readings are held out as a recording of their own, of which the start is fitted.",
+        "nothing in the declared model pulls what is read back to a place, so what a prediction misses adds up: the "
+        "last {held} of {count} readings are held out as a recording of their own, of which the start is fitted.",
     ),
     "searched_in_part": (
         "note",

@@ -1,4 +1,4 @@
-"""Whether a motion runs on and on in one direction, as what is driven by a constant does."""
+"""Whether a motion runs on and on in one direction, as what is driven by a constant does, or comes back by itself."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ DRIVEN = (
 #: What runs on goes back over less than so much of its way. An angle goes through more than two turns, or through one
 #: and on; anything else is at the end, in so much of the time, no slower than so much of its mean speed.
 _TURN, _BACK, _END, _SLOWER = 2.0 * np.pi, 0.1, 0.25, 0.5
+#: What comes back does so over more than this part of the way on which it was pushed.
+_RETURNS = 0.5
 #: Readings of which the means tell which way it goes.
 _LOOKED = 50
 #: Counts of a counter, at least.
@@ -58,6 +60,33 @@ def goes_back(output: FloatArray) -> bool:
     """
     way, back = _ways(_steps(output))
     return back >= _BACK * way
+
+
+def comes_back(output: FloatArray, given: FloatArray) -> bool:
+    """Return whether readings go back, and come to rest, while an input of one sign rests that had moved them.
+
+    What nothing pulls back to a place runs on there until it stands still.
+
+    `output`, `given` (n,): motion, NaN in gaps, and the input.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 5, 1001)
+    >>> push = np.where(t < 1, 1.0, 0.0)
+    >>> comes_back(np.minimum(t, 1) * np.exp(-2 * np.maximum(t - 1, 0)), push), comes_back(np.minimum(t, 2), push)
+    (True, False)
+    """
+    good = np.isfinite(output) & np.isfinite(given)
+    read, pushed = output[good], given[good] != 0.0
+    if pushed.all() or not pushed.any() or given[good].min() < 0.0 < given[good].max():
+        return False
+    parts = np.array_split(np.arange(read.size), min(read.size, _LOOKED))
+    steps = np.diff([read[part].mean() for part in parts])
+    moved = np.array([pushed[part].any() for part in parts])[1:]
+    forward, back = float(steps[moved].sum()), -steps[~moved]
+    returned = np.sign(forward) * back
+    rests = returned.size > 1 and abs(returned[-1]) < _SLOWER * returned.max()
+    return bool(rests and returned.sum() > _RETURNS * abs(forward))
 
 
 def _steps(output: FloatArray) -> FloatArray:
