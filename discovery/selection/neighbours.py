@@ -74,7 +74,7 @@ class Neighbours:
         these for it.
         """
         smaller, own = self.without(found, effect), frozenset(found.added)
-        offered = [*(self.offers.beside(smaller) if self.affords(smaller) else ())]
+        offered = [*(self.offers.beside if self.affords(smaller) else self.offers.instead)(smaller, found)]
         more = get_effect(effect).own() and len(own) < self.context.settings.budget.most_effects
         for c in self.within(found, effect) if more else ():
             offered += plain(self.offers.beside(c)) if self.affords(c) else []

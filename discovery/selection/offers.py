@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from discovery.declarations.registry import get_effect, simplicity
-from discovery.estimation.batch import SLOW, near_the_best
-from discovery.foundation.workers import at_once
+from discovery.estimation.batch import near_the_best
 from discovery.screening.attribution import Candidate, White, screen
-from discovery.screening.finite import finite_starts
-from discovery.screening.growing import grown, grows
+from discovery.screening.beside import refits_beside
+from discovery.screening.exchange import exchange_starts
+from discovery.screening.finite import FarStart
 from discovery.screening.likeness import likely_pairs
-from discovery.screening.refits import Refit, best_of, finish, held_fixed, refit, refit_pairs
-from discovery.screening.resolved import resolved
+from discovery.screening.refits import finish, held_fixed, refit_pairs
 from discovery.screening.significance import chance_gains, surrogates
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.odds import HELD, Odds
 from discovery.selection.settings import LoopSettings
-from discovery.simulation.simulate import THREADS
 
 #: Effects and mechanics of a set.
 _Key = tuple[frozenset[str], str]
@@ -33,6 +31,7 @@ class Offers:
     def __init__(self, context: Context, given_up: frozenset[str] = frozenset()) -> None:
         self.context, self.given_up = context, given_up
         self._made: dict[_Key, list[Contender]] = {}
+        self._instead: dict[tuple[_Key, _Key], list[Contender]] = {}
         self._pairs: dict[tuple[_Key, bool], list[Contender]] = {}
         self._scored: dict[_Key, tuple[Candidate, ...]] = {}
         self._chance: dict[tuple[Contender, Contender], float] = {}
@@ -55,35 +54,31 @@ class Offers:
             self._scored[node.key] = tuple(screen(minimum, problem, names))
         return self._scored[node.key]
 
-    def beside(self, node: Contender) -> list[Contender]:
-        """Return a set with one effect more: every candidate refitted, the best of them weighed, most likely first."""
+    def beside(self, node: Contender, found: Contender | None = None) -> list[Contender]:
+        """Return a set with one effect more: every candidate refitted, the best of them weighed, most likely first.
+
+        `found`: a set with one effect more, from where what may take its place begins as well.
+        """
         if node.key not in self._made:
-            self._made[node.key] = self._make(node)
+            scored, beside = self.scored(node), f" beside {' and '.join(node.added)}" if node.added else ""
+            self.context.progress(f"refitting every candidate{beside}")
+            self._made[node.key] = self._weighed(node, scored, self._exchanges(node, found))
         return self._made[node.key]
 
-    def _make(self, node: Contender) -> list[Contender]:
-        scored = self.scored(node)
-        beside = f" beside {' and '.join(node.added)}" if node.added else ""
-        self.context.progress(f"refitting every candidate{beside}")
-        names, most = [c.effect for c in scored], self.context.settings.budget.finished
-        problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+    def instead(self, node: Contender, found: Contender) -> list[Contender]:
+        """Return a set with what may take the place of the one effect that another has more, from where that is."""
+        if (key := (node.key, found.key)) not in self._instead:
+            self._instead[key] = self._weighed(node, (), self._exchanges(node, found))
+        return self._instead[key]
 
-        def whole() -> list[Refit]:
-            starts = finite_starts(minimum, problem, names, node.refit.problem.gaussian) if node.is_far else []
-            quick = refit(minimum, problem, scored, finite=starts)
-            quick = resolved(minimum, problem, scored, quick)
-            near = near_the_best([r.chi2 for r in quick], problem.bench.n_data, behind=SLOW)
-            leading = [quick[i] for i in near[:most] if np.isfinite(quick[i].chi2)]
-            return [*finish(node.refit.problem, leading, afresh=node.is_far), *quick]
+    def _exchanges(self, node: Contender, found: Contender | None) -> list[FarStart]:
+        more = [] if found is None else [e for e in found.added if e not in node.added]
+        return [s for e in more if found is not None for s in exchange_starts(found.refit, e, self.scored(found))]
 
-        ways: list[Callable[[], list[Refit]]] = [whole]
-        # The whole recording may hide a frequency, or be on another branch. Beside nothing a way has all threads.
-        if grows(node.refit.minimum, node.refit.problem, first=not node.added):
-            ways.append(partial(grown, node.refit.minimum, node.refit.problem, names))
-        # Only those with everything free are weighed.
-        known = node.refit.problem.gaussian
-        free = best_of(r for found in at_once(ways, threads=THREADS) for r in found if r.problem.gaussian == known)
-        return contenders(self.context, [((*node.added, r.effect), r) for r in free[:most]])
+    def _weighed(self, node: Contender, scored: Sequence[Candidate], starts: Sequence[FarStart]) -> list[Contender]:
+        most, how = self.context.settings.budget.finished, {"far": node.is_far, "first": not node.added}
+        found = refits_beside(node.refit, scored, starts, keep=most, **how)
+        return contenders(self.context, [((*node.added, r.effect), r) for r in found[:most]])
 
     def known(self, added: Sequence[str], base: str) -> list[Contender]:
         """Return sets of these effects on a base that were weighed as an extension of another."""

@@ -286,10 +286,10 @@ class Search:
 
     def _exchange(self, effect: str, *, two: bool = False) -> bool:
         """Let another effect, accepted by itself, or `two`, accepted as two more would be, take a member's place."""
-        before, settings, ways = self.best, self.context.settings, self.offers.pairs if two else self.offers.beside
-        rest = self.neighbours.without(before, effect)
+        before, settings, rest = self.best, self.context.settings, self.neighbours.without(self.best, effect)
         may = self.neighbours.affords(rest) and (np.isfinite(rest.joint) if two else not before.is_far)
-        offered = [c for c in plain(ways(rest)) if not (two and effect in c.added)] if may else []
+        ways = (self.offers.pairs(rest) if two else self.offers.beside(rest, before)) if may else []
+        offered = [c for c in plain(ways) if not (two and effect in c.added)]
         judged = (c for c in offered[:_TRIED] if self._judged(c, before if two else rest)[1] == "accepted")
         gain = (new := next(judged, before)).joint - before.joint
         if effect not in new.added and gain > settings.nats:
