@@ -289,7 +289,10 @@ def test_lines_above_a_table_are_told_from_its_rows(tmp_path: Path) -> None:
 def test_a_table_with_both_decimal_marks_names_the_cell(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t;x\n0.000;3,10\n" + "".join(f"0,{k};3,{k}\n" for k in range(101, 130)))
-    with pytest.raises(InputError, match=r"'t', row 2 .*: '0,101' is not a number.*decimal point"):
+    with pytest.raises(InputError, match=r"line 2: '0.000' has a decimal point, and nearly all other .* decimal comma"):
+        draft([path], tmp_path)
+    path.write_text("t;x\n0.000;3.10\n" + "".join(f"0.{k};3,{k}\n" for k in range(101, 130)))
+    with pytest.raises(InputError, match=r"'x', row 2 .*: '3,101' is not a number.*decimal point"):
         draft([path], tmp_path)
 
 
@@ -815,6 +818,17 @@ def test_numbers_without_names_get_some(title: str, tmp_path: Path) -> None:
     document = drafted(path)
     assert document["columns"]["header"] == ["c1", "c2"]
     assert document["columns"]["time"]["name"] == "c1"
+
+
+def test_a_clock_that_was_set_back_is_told_where_it_was(tmp_path: Path) -> None:
+    time = np.cumsum(np.random.default_rng(5).uniform(0.01, 0.09, 200))
+    time[120:] -= 1.0
+    path = tmp_path / "swing.tsv"
+    np.savetxt(path, np.column_stack([time, 0.2 * np.cos(3.0 * time)]), "%.6f", "\t")
+    rig = tmp_path / "rig.toml"
+    rig.write_text(draft([path], tmp_path))
+    with pytest.raises(InputError, match=r"'c1', row 121 .* is earlier than the row before"):
+        load_dataset(rig)
 
 
 def test_times_without_a_name_in_uneven_steps_are_the_only_column_that_rises(tmp_path: Path) -> None:

@@ -11,10 +11,12 @@ import pytest
 
 from discovery.drafting.overview import overview, overview_lines
 from discovery.drafting.rig_text import draft
+from discovery.estimation.told import as_read
 from discovery.foundation.errors import InputError
 from discovery.recordings.dataset import load_dataset
 from discovery.recordings.force_view import cutoff_for, force_samples, noise_gain, zero_phase
 from discovery.recordings.recording import read_recording
+from discovery.report.results import Trajectory
 from discovery.rigs.rig import Columns, Controller, ForceView, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.runs.loop import close_loop
 
@@ -233,3 +235,20 @@ def test_a_force_that_is_read_is_told_as_one(tmp_path):
     assert (effect["id"], friction["unit"]) == ("coulomb_friction", "N")
     assert "physical" not in friction
     assert friction["value"] == pytest.approx(13.0, abs=4 * friction["sd"])
+
+
+def test_a_force_is_told_in_newtons_and_its_page_draws_every_model(tmp_path):
+    record(tmp_path / "r.csv", T[:6000])
+    (tmp_path / "rig.toml").write_text(force_rig(6.0, 6.0))
+    result = close_loop(load_dataset(tmp_path / "rig.toml"))
+    assert as_read(result.after, "xi")["unit"] == "N s m^-1"
+    assert as_read(result.after, "m")["unit"] == "s^2 m^-1"  # which the row of the inertia tells in kilograms
+    n, left = 60, np.arange(60.0)
+    measured = np.where(np.arange(n) % 6 == 1, left, np.nan)[:, None]
+    whole = Trajectory(
+        "r", "train", left, ("output",), ("N",), measured, {"after": left[:, None]}, left, None, np.ones(n, bool), None
+    )
+    thinned = whole.thinned()
+    assert thinned.time.tolist() == left[1::6].tolist() == thinned.models["after"][:, 0].tolist()
+    assert np.isfinite(thinned.measured).all()
+    assert thinned.thinned() is thinned

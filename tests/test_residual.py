@@ -48,6 +48,15 @@ def test_what_is_left_of_the_variance_is_none_within_the_noise() -> None:
     assert variance_left(half, 0.6 * spread) > 0.65
 
 
+def test_readings_that_are_compared_rarely_have_a_rate_of_their_own() -> None:
+    """Of a force one reading of six is compared: its spectrum ends at half of their rate, without images of it."""
+    read = MOTION - NOISE * (white(1) + 5.0 * np.sin(2 * np.pi * 2.0 * TIME))
+    read[np.arange(TIME.size) % 6 != 2] = np.nan
+    found = examine([experiment(read)], [MOTION[:, None]], PERIOD)
+    assert found.frequency[-1] == pytest.approx(100.0 / 6 / 2, rel=0.01)
+    assert found.frequency[int(np.argmax(found.spectrum))] == pytest.approx(2.0, abs=0.1)
+
+
 # The systematic part.
 
 

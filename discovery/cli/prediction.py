@@ -127,4 +127,10 @@ def write_prediction(
         return failure
     if why:
         note(f"{target}: the declared model does not predict it, its columns are left empty. {why}")
+    column = wanted.rig.columns.output
+    if not wanted.system.has_rod and (column.zero or column.scale != 1.0):
+        note(
+            f"prediction.csv has the output in {wanted.recording.units[0]}, {column.scale:g} times what "
+            f"{column.name!r} reads beyond {column.zero:g} {column.unit}, as the rig file states."
+        )
     return None

@@ -13,6 +13,7 @@ from discovery.equations.losses import is_passive
 from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import BENT
+from discovery.estimation.told import as_read
 from discovery.foundation.start_names import start_of
 
 #: Standard deviations by which a constant would go beyond zero.
@@ -116,7 +117,7 @@ def far_start(final: Fit) -> Caution | None:
     name = max(far, key=lambda n: far[n], default="")
     if not name or far[name] < _FARTHER:
         return None
-    told = final.told(name)
+    told = as_read(final, name)
     numbers = {"value": told["value"], "sd": told["sd"], "unit": told["unit"], "times": far[name]}
     return Caution("far_start", name, numbers=numbers)
 
@@ -131,7 +132,7 @@ def untold(final: Fit, added: Iterable[str]) -> list[Caution]:
     for effect in (e for e in added if e in final.model.effects):
         law = get_effect(effect)
         sizes = {p.name for p in law.parameters() if not (p.shape or p.fixed) or (p.own and law.reduces_to)}
-        told = {n: final.told(n) for n in final.values if n in sizes or (start_of(n) or ("",))[0] in sizes}
+        told = {n: as_read(final, n) for n in final.values if n in sizes or (start_of(n) or ("",))[0] in sizes}
         if not told or any(final.reasons.get(name) == BENT for name in told):
             continue
         if not any(q["sd"] is not None and abs(q["value"]) >= _BEYOND * q["sd"] for q in told.values()):

@@ -28,6 +28,8 @@ from discovery.recordings.turns import joined_turns
 _JITTER = 0.05
 #: Share of rows in which what is called a time rises at least; rounded coarsely, most may repeat.
 _RISES = 0.05
+#: A column without a name that says so is one of times where it rises in nearly every row.
+_CLOCK = 0.95
 #: Roles without which other columns are looked at, and the fewest rows that tell anything.
 _NEEDED, _FEWEST = {"time", "output"}, 3
 #: Outputs that say nothing of a drive where they go one way: what falls is driven by its weight.
@@ -231,6 +233,8 @@ def _time(path: Path, columns: Mapping[str, FloatArray], meanings: Mapping[str, 
         if steps.size and steps[0] > 0 and (np.abs(steps - steps[0]) <= _JITTER * steps[0]).all():
             return name
     rising = [name for name, values in perhaps.items() if (np.diff(values) > 0).all()]
+    # A clock that was set back, or stamps that repeat, are told where it is read.
+    rising = rising or [name for name, values in perhaps.items() if (np.diff(values) > 0).mean() > _CLOCK]
     if len(rising) == 1:
         return rising[0]
     raise InputError(

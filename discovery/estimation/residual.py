@@ -12,7 +12,7 @@ from scipy import stats
 
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
-from discovery.foundation.sampling import median_step
+from discovery.foundation.sampling import median_step, stride
 from discovery.recordings.experiment import Experiment
 
 #: Bins of the averaged residual in one period of the motion.
@@ -172,8 +172,12 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
     lags, p_values = zip(*(_ljung_box(c[np.isfinite(c)]) for part in parts for c in part.T), strict=True)
     from scipy.signal import welch
 
-    clean = np.where(np.isfinite(parts[0]), parts[0], 0.0)
-    rate = 1.0 / median_step(experiments[0].recording.time)
+    # Of a force one reading of several is compared: they have a rate of their own.
+    every = stride(np.flatnonzero(np.isfinite(parts[0]).all(axis=1)))
+    first = int(np.argmax(np.isfinite(parts[0]).all(axis=1)))
+    compared = parts[0][first % every :: every]
+    clean = np.where(np.isfinite(compared), compared, 0.0)
+    rate = 1.0 / (every * median_step(experiments[0].recording.time))
     frequency, density = welch(clean, rate, nperseg=min(1024, len(clean)), axis=0)
     dependence = []
     states = [_states(e, period) for e in experiments]

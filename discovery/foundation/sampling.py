@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
 
 #: Stamps that only jitter are nearer than this, over the median step; where one sample is lost they are twice as far.
 _GAP = 1.5
@@ -30,6 +30,17 @@ def mean_rate(time: FloatArray) -> float:
     8.0
     """
     return float((time.size - 1) / (time[-1] - time[0]))
+
+
+def stride(rows: IntArray) -> int:
+    """Return of how many samples each is one that is used: of every sample 1, and 1 of none.
+
+    Examples
+    --------
+    >>> stride(np.array([0, 6, 12, 18])), stride(np.array([0, 1, 2, 9]))
+    (6, 1)
+    """
+    return int(np.median(np.diff(rows))) if rows.size > 1 else 1
 
 
 def gaps(time: FloatArray, step: float | None = None) -> BoolArray:

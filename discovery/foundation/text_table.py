@@ -20,6 +20,8 @@ from discovery.foundation.table_cells import BLANKS, UNIT, cells_of, commented_n
 
 #: Rows in which a decimal comma is looked for.
 _LOOKED = 200
+#: Numbers with the one decimal mark are rare where those with the other are so many times as many.
+_RARE = 10
 #: Characters of a row without anything in its cells, as spreadsheets write them.
 _NOTHING = " \t,;\"'"
 #: Lines of titles that a program may write above a table.
@@ -71,6 +73,7 @@ def parse_text(
     if not rows:
         raise InputError(f"{path} has a header and no data rows: it is empty. Export the recording again.")
     _check_cells(path, lines, rows, separator, len(names), top)
+    _check_marks(path, lines, rows, separator)
     return _read(path, rows, separator, names), lines
 
 
@@ -149,6 +152,23 @@ def _decimal(rows: Sequence[str], separator: str) -> str:
     marked = [cell for cell in cells if _COMMA.fullmatch(cell)]
     plain = any("." in cell and is_number(cell) for cell in cells)
     return "," if not plain and any(not _THOUSAND.fullmatch(cell) for cell in marked) else "."
+
+
+def _check_marks(path: Path, lines: IntArray, rows: Sequence[str], separator: str) -> None:
+    """Refuse the rare number with a decimal point among decimal commas."""
+    if separator == ",":
+        return
+    cells = [
+        (line, cell) for line, row in zip(lines, rows[:_LOOKED], strict=False) for cell in cells_of(row, separator)
+    ]
+    pointed = [(line, cell) for line, cell in cells if "." in cell and is_number(cell)]
+    marked = [cell for _, cell in cells if _COMMA.fullmatch(cell) and not _THOUSAND.fullmatch(cell)]
+    if pointed and _RARE * len(pointed) < len(marked):
+        line, cell = pointed[0]
+        raise InputError(
+            f"{path}, line {line}: {cell!r} has a decimal point, and nearly all other numbers have a decimal comma. "
+            "Write the same mark in all of them."
+        )
 
 
 def _check_quotes(path: Path, lines: IntArray, rows: Sequence[str]) -> None:

@@ -149,7 +149,7 @@ def _by_proposals(
     seen = [np.concatenate([getattr(e, name)[:TEMPERED] for e in group]) for name in ("chain", "log_prob")]
 
     def told(found: Convergence, seconds_left: float) -> None:
-        tell(_progress(found, found.steps, wanted[0], seconds_left))
+        tell(_progress(found, found.steps, wanted, seconds_left))
 
     return independence_chains(
         asked,
@@ -185,7 +185,7 @@ def _by_walkers(
         draws = target.values(np.stack([ensemble.chain[steps // 2 if short else burn_in :] for ensemble in group]))
         found = convergence(draws)
         pace = (time.perf_counter() - began) / (steps - before) if steps > before else math.nan
-        tell(_progress(found, steps, wanted[0], pace * steps * (found.times_longer(*wanted) - 1.0)))
+        tell(_progress(found, steps, wanted, pace * steps * (found.times_longer(*wanted) - 1.0)))
         if not short and found.meets(*wanted):
             return of_ensembles(fit, target, group, found, draws, seed)
     raise _refusal(target.names, found, max_steps, *wanted)
@@ -212,12 +212,16 @@ def _walkers(dimension: int, effective: float) -> int:
     return math.ceil(wanted / _LANES) * _LANES
 
 
-def _progress(found: Convergence, steps: int, wanted: float, seconds_left: float) -> Progress:
-    """Return how far a run is."""
+def _progress(found: Convergence, steps: int, wanted: tuple[float, float], seconds_left: float) -> Progress:
+    """Return how far a run is.
+
+    Effective samples are told from too few autocorrelation times too large: no more count than the slowest criterion
+    leaves.
+    """
     return Progress.counting(
         "sampling the posterior",
-        float(found.ess.min()),
-        wanted,
+        min(float(found.ess.min()), wanted[0] / found.times_longer(*wanted)),
+        wanted[0],
         "effective samples",
         beside=f"R-hat {found.r_hat.max():.3f}, {found.steps / found.tau.max():.0f} of {LENGTH_IN_TAU} autocorrelation "
         f"times after {steps} steps",

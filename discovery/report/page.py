@@ -177,7 +177,7 @@ def chart_data(run: Run) -> Markup | None:
     """
     held = [t.name for t in run.held_out]
     ordered = sorted(run.trajectories, key=lambda t: t.name not in held)
-    entries = [_entry(run, t) for t in ordered[:_RECORDINGS] if np.isfinite(t.measured).any()]
+    entries = [_entry(run, t.thinned()) for t in ordered[:_RECORDINGS] if np.isfinite(t.measured).any()]
     if not entries:
         return None
     # Names come from files: nothing in them ends the script element.

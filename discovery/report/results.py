@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from discovery.declarations.system import System
+from discovery.declarations.units import is_force
 from discovery.foundation.arrays import BoolArray, FloatArray, within_half_a_turn
 from discovery.foundation.errors import InputError
+from discovery.foundation.sampling import stride
 from discovery.foundation.start_names import is_start
 from discovery.mechanics import get_base
 from discovery.mechanics.base import Base
@@ -69,6 +71,22 @@ class Trajectory:
         own = judged_channels(self.channels)
         return np.sqrt(np.sum((self.models[model] - self.measured)[:, own] ** 2, axis=1))
 
+    def thinned(self) -> Trajectory:
+        """Return it at the readings that are compared, where those are every so many as of a force; else as it is."""
+        rows = np.flatnonzero(np.isfinite(self.measured).any(axis=1))
+        if stride(rows) < 2:
+            return self
+        return replace(
+            self,
+            time=self.time[rows],
+            measured=self.measured[rows],
+            models={model: read[rows] for model, read in self.models.items()},
+            input=None if self.input is None else self.input[rows],
+            deflection=None if self.deflection is None else self.deflection[rows],
+            fitted=self.fitted[rows],
+            band=None if self.band is None else self.band[:, rows],
+        )
+
 
 @dataclass(frozen=True)
 class Run:
@@ -105,6 +123,11 @@ class Run:
         return self._base is None or self._base.reads_state
 
     @property
+    def reads_force(self) -> bool:
+        """Whether the motion is given, and the force on the system is read."""
+        return self._base is not None and self._base.prescribed
+
+    @property
     def output_name(self) -> str:
         """What is read, in the words of a reader; of an arm the channels have names of their own."""
         return (self._base and self._base.reads) or KINDS[self.results["rig"]["kind"]].words[1]
@@ -124,7 +147,9 @@ class Run:
         """What drives the system, in the words of a reader."""
         kind, base = KINDS[self.results["rig"]["kind"]], self._base
         given = base and (kind.output if base.prescribed else base.input_word)
-        return given or kind.words[0]
+        # A voltage pushes as a force does, and is none.
+        pushed = base is not None and base.is_pushed and self.input_unit and not is_force(self.input_unit)
+        return given or ("input" if pushed else kind.words[0])
 
     @property
     def input_unit(self) -> str:

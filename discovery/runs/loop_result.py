@@ -21,8 +21,8 @@ from discovery.equations.losses import without_losses
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import fitted_to_all
-from discovery.estimation.physical import physical_rows
 from discovery.estimation.residual import ResidualReport
+from discovery.estimation.told import as_read
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.estimate_text import figures
 from discovery.foundation.start_names import start_of
@@ -270,19 +270,12 @@ class LoopResult(LoopViews):
             "steps": [s.summary() for s in self.steps],
         }
 
-    def _told(self, name: str) -> dict[str, Any]:
-        """Return a parameter of the final model: a force that is read is one, over no inertia of reference."""
-        row, physical = self.after.told(name), physical_rows(self.after.physical).get(name)
-        if physical is None:
-            return row
-        return {**row, **(physical if self.after.model.mechanics.prescribed else {"physical": physical})}
-
     def _described(self, effect: str) -> dict[str, Any]:
         """Return what loop.json holds of an added effect."""
         other = self.stand_ins.get(effect)
         names = [] if effect in UPGRADES else [p.name for p in get_effect(effect).parameters()]
         of_recordings = [n for n in self.after.values if (start := start_of(n)) and start[0] in names]
-        parameters = {n: self._told(n) for n in (*names, *of_recordings) if n in self.after.values}
+        parameters = {n: as_read(self.after, n) for n in (*names, *of_recordings) if n in self.after.values}
         if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
             # No reading is surer than the ruler.
             row = parameters[other.parameter]

@@ -32,6 +32,7 @@ FALSE_ALARM = 1e-3
 """Probability that noise alone adds a term, over the whole library."""
 
 _MATTERS = 1e-4  # of the variance: a hundredth of the target's rms
+_LISTED = 5  # rivals of an equation that a sentence lists
 
 
 def _block_grams(library: Library) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -232,7 +233,8 @@ def status_of(equation: Equation, rivals: Sequence[Equation], full: bool, noise:
             f" What is left is {math.sqrt(noise):.2g} times the instrument's noise, at the frequencies of the motion."
         )
     if rivals:
-        others = "; ".join(", ".join(rival.terms) for rival in rivals[:5])
+        others = "; ".join(", ".join(rival.terms) for rival in rivals[:_LISTED])
+        others = f"among them {others}" if len(rivals) > _LISTED else others
         text += (
             f" Cannot tell it from {len(rivals)} of the same size that fit equally ({others}); the simplest is kept."
         )
