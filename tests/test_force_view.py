@@ -238,9 +238,9 @@ def test_a_force_that_is_read_is_told_as_one(tmp_path):
 
 
 def test_a_force_is_told_in_newtons_and_its_page_draws_every_model(tmp_path):
-    record(tmp_path / "r.csv", T[:6000])
+    record(tmp_path / "r.csv", T[:12000])
     (tmp_path / "rig.toml").write_text(force_rig(6.0, 6.0))
-    result = close_loop(load_dataset(tmp_path / "rig.toml"))
+    result = close_loop(load_dataset(tmp_path / "rig.toml", [tmp_path / "r.csv"]))
     assert as_read(result.after, "xi")["unit"] == "N s m^-1"
     assert as_read(result.after, "m")["unit"] == "s^2 m^-1"  # which the row of the inertia tells in kilograms
     n, left = 60, np.arange(60.0)
