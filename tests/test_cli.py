@@ -558,6 +558,28 @@ def test_an_interruption_does_not_wait_for_the_compiler(
     assert not out.parent.exists()
 
 
+@pytest.mark.usefixtures("_interruptible")
+def test_an_interruption_that_falls_into_the_end_of_an_object_is_not_lost() -> None:
+    code = """
+import sys, time
+from discovery.cli import cli, main
+class Ending:
+    def __del__(self):
+        raise KeyboardInterrupt
+@cli.command()
+def sleep():
+    ending = Ending()
+    del ending
+    time.sleep(60)
+sys.argv = ["discovery", "sleep"]
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=50)
+    assert done.returncode == 130
+    assert "interrupted: no file is half-written" in done.stderr
+    assert "Exception ignored" not in done.stderr
+
+
 def test_an_interrupted_process_waits_for_no_thread() -> None:
     code = """
 import sys, threading, time

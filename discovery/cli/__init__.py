@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from contextlib import suppress
 from typing import NoReturn
 
@@ -20,6 +21,8 @@ from discovery.cli.streams import is_of_output, open_streams, unwritten
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+#: An interruption that was dropped comes again after so long [s].
+_SOON = 0.05
 #: What an interruption leaves of a command's work; of any other, nothing.
 _RESUMED = {
     "campaign": "the same command goes on from what is finished",
@@ -88,6 +91,7 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments is None:
         open_streams()
         signal.signal(signal.SIGTERM, _end_at_once)
+        sys.unraisablehook = _interrupted_unheard
     try:
         cli.main(arguments, prog_name="discovery", standalone_mode=False)
     except click.exceptions.Abort as error:
@@ -148,6 +152,17 @@ class _Terminated(KeyboardInterrupt):
 
 def _end_at_once(*_: object) -> NoReturn:
     raise _Terminated
+
+
+def _interrupted_unheard(lost: sys.UnraisableHookArgs) -> None:
+    """Interrupt once more where an interruption fell into the end of an object's life, where Python drops it."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt):
+        return sys.__unraisablehook__(lost)
+    sent = signal.SIGTERM if isinstance(lost.exc_value, _Terminated) else signal.SIGINT
+    # What rings by itself, as the limit of `--max-time`, rings again.
+    if type(lost.exc_value) in (KeyboardInterrupt, _Terminated):
+        threading.Timer(_SOON, os.kill, (os.getpid(), sent)).start()
+    return None
 
 
 def _leave(arguments: list[str] | None, reason: BaseException | None) -> None:
