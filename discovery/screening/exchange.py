@@ -22,6 +22,8 @@ from discovery.screening.refits import Refit, held_fixed
 
 #: So many are kept, and none that leaves more than this part of what the member removes.
 _KEPT, _LEFT = 8, 0.5
+#: Of a matrix with ones on its diagonal.
+_ROUNDING = 1e-12
 
 
 def exchange_starts(found: Refit, effect: str, scored: Sequence[Candidate]) -> list[FarStart]:
@@ -62,9 +64,11 @@ def _to_first_order(
     """
     x, columns = (np.array([table[n] for n in problem.names]) for table in (values, slopes))
     gram, push = columns @ columns.T, columns @ residual
+    if not np.isfinite(gram).all():  # beside a motion that blows up nothing is told
+        return np.inf, dict(values)
     stiff = gram + np.diag(problem.scale**-2.0)
     size = np.sqrt(np.diag(stiff))
-    factor = cholesky(stiff / np.outer(size, size))
+    factor = cholesky(stiff / np.outer(size, size) + _ROUNDING * np.eye(x.size))
     lower, upper = (size * (bound - x) for bound in problem.bounds)
     target = solve_triangular(factor, -push / size, trans="T")
     within = np.minimum(lower, 0.0), np.maximum(upper, np.finfo(float).tiny)
