@@ -249,7 +249,9 @@ def test_what_goes_back_while_its_input_rests_has_a_spring(tmp_path: Path) -> No
     gone = np.maximum(TIME - 3.0, 0.0)
     pushed = np.clip(TIME - 1.0, 0.0, 2.0)
     back, out = pushed * np.exp(-gone), pushed + 0.5 * (1.0 - np.exp(-2.0 * gone))
-    for motion, kind in ((back, "oscillator"), (out, "drive")):
+    # One that ran the other way before it was pushed was not brought back.
+    ran = 3.0 * np.exp(-5.0 * TIME)
+    for motion, kind in ((back, "oscillator"), (out, "drive"), (out + ran, "drive")):
         path = written(tmp_path, "a.csv", "t_s,voltage_V,angle_rad", TIME, push, motion)
         assert drafted(path)["kind"] == kind
 

@@ -59,6 +59,9 @@ def test_where_a_motion_is_seen_late_enough_is_held_out() -> None:
     assert late < 500
     assert 3000 - fitted_count(grown, fewest=late) == late
     assert 3000 - fitted_count(grown, fewest=late + 20) == late + 20
+    # Not where nothing moves before.
+    step = recorded(np.where(np.arange(3000) > 2985, 1.0, 0.0))
+    assert fitted_count(step, fewest=30) == fitted_count(step)
 
 
 @given(offset=st.floats(-1e3, 1e3), scale=st.sampled_from([1e-6, 1.0, 1e6]))

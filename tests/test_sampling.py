@@ -22,6 +22,19 @@ def test_a_pause_of_such_a_clock_is_a_gap(step: float) -> None:
     assert np.flatnonzero(gaps(time)).tolist() == [199]
 
 
+@pytest.mark.parametrize("step", [2.2, 2.4, 3.4])
+def test_a_sample_that_a_rounded_clock_lost_is_a_gap(step: float) -> None:
+    kept = np.setdiff1d(np.arange(2000), np.arange(50, 2000, 100))
+    assert gaps(np.round(step * kept)).sum() == 20
+
+
+@pytest.mark.parametrize("every", [4, 5, 10])
+def test_samples_lost_in_turn_are_gaps_where_no_clock_is_rounded(every: int) -> None:
+    time = np.arange(2000) + 0.01 * np.random.default_rng(1).standard_normal(2000)
+    time = time[np.arange(2000) % every != 1]
+    assert np.array_equal(gaps(time), np.diff(time) > 1.5)
+
+
 @pytest.mark.parametrize("lost", [0.01, 0.05, 0.2, 0.4])
 def test_samples_lost_by_chance_are_gaps(lost: float) -> None:
     time = np.flatnonzero(np.random.default_rng(3).random(2000) > lost).astype(float)

@@ -279,6 +279,13 @@ def test_names_may_be_parted_otherwise_than_the_numbers(tmp_path, above):
     assert list(read_table(path, list("abc")).columns) == list("abc")
 
 
+@pytest.mark.parametrize("title", ["Messung 12, Pendel 2, rot", "Smith, John, 2nd", "Lab; Bench; Run"])
+def test_a_title_with_marks_names_no_column(tmp_path, title):
+    path = tmp_path / "r.txt"
+    path.write_text(title + "\n" + "\n".join("\t".join(f"{v:.3f}" for v in row) for row in VALUES) + "\n")
+    assert unnamed_columns(path) == ("c1", "c2", "c3")
+
+
 @pytest.mark.parametrize("empty", [",", ",,", ' , ""', ";", "\t\t"])
 def test_rows_of_empty_cells_are_passed_over(empty: str) -> None:
     """Spreadsheets write them by the hundred below what was measured."""

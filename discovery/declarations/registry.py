@@ -116,6 +116,12 @@ def get_effect(effect_id: str, besides: Mapping[str, Effect] | None = None) -> E
     return known[effect_id]
 
 
+def sizes_of(effect_id: str) -> set[str]:
+    """Return the parameters of an effect without all of which it is absent: no shapes, conventions and phases."""
+    law = get_effect(effect_id)
+    return {p.name for p in law.parameters() if not (p.shape or p.fixed) or (p.own and law.reduces_to)}
+
+
 def simplicity(effect: str, system: str) -> tuple[bool, int, bool, bool]:
     """Return a key that sorts effects, the physically simplest first.
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from discovery.declarations.registry import get_effect
+from discovery.declarations.registry import get_effect, sizes_of
 from discovery.diagnosis.caution import Caution
 from discovery.equations.losses import is_passive
 from discovery.estimation.declared import strayed
@@ -130,8 +130,7 @@ def untold(final: Fit, added: Iterable[str]) -> list[Caution]:
     """
     found = []
     for effect in (e for e in added if e in final.model.effects):
-        law = get_effect(effect)
-        sizes = {p.name for p in law.parameters() if not (p.shape or p.fixed) or (p.own and law.reduces_to)}
+        sizes = sizes_of(effect)
         told = {n: as_read(final, n) for n in final.values if n in sizes or (start_of(n) or ("",))[0] in sizes}
         if not told or any(final.reasons.get(name) == BENT for name in told):
             continue

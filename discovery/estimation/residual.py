@@ -173,9 +173,10 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
     from scipy.signal import welch
 
     # Of a force one reading of several is compared: they have a rate of their own.
-    every = stride(np.flatnonzero(np.isfinite(parts[0]).all(axis=1)))
-    first = int(np.argmax(np.isfinite(parts[0]).all(axis=1)))
-    compared = parts[0][first % every :: every]
+    rows = np.flatnonzero(np.isfinite(parts[0]).all(axis=1))
+    every = stride(rows)
+    every = 1 if (rows % every != rows[:1] % every).any() else every
+    compared = parts[0][int(rows[0]) % every if rows.size else 0 :: every]
     clean = np.where(np.isfinite(compared), compared, 0.0)
     rate = 1.0 / (every * median_step(experiments[0].recording.time))
     frequency, density = welch(clean, rate, nperseg=min(1024, len(clean)), axis=0)

@@ -12,6 +12,9 @@ _GAP = 1.5
 _TOGETHER, _STEADY = 40, 0.5
 #: where they last so much longer than as many median ones, in these.
 _LONGER = 0.05
+#: Steps of a clock that is rounded differ by a tick, no less than this part of the median one, and equal ones in so
+#: many digits.
+_COARSE, _DIGITS = 0.2, 5
 #: Of the median step, by which others may differ.
 _UNEVEN = 0.05
 
@@ -63,13 +66,14 @@ def _longest(time: FloatArray) -> float:
     last together tells them from lost samples: it differs by little more than a rounding, where losses add up.
     """
     median, spans = median_step(time), time[_TOGETHER:] - time[:-_TOGETHER]
-    if spans.size < _TOGETHER:
+    tick = np.diff(np.unique(np.round(np.diff(time) / median, _DIGITS))).min(initial=np.inf)
+    if spans.size < _TOGETHER or not _COARSE < tick < np.inf:
         return _GAP * median
     low, usual, high = np.quantile(spans, [0.16, 0.5, 0.84]) / median
     more = usual / _TOGETHER - 1.0
     by_chance = np.sqrt(_TOGETHER * max(more, 0.0) * (1.0 + more))
     rounded = more > _LONGER and (high - low) / 2 < _STEADY * by_chance
-    return median * float(_GAP * (1.0 + more) + 0.5 if rounded else _GAP)
+    return median * float(1.0 + more + tick if rounded else _GAP)  # rounding makes none longer by a tick
 
 
 def are_uneven(time: FloatArray) -> bool:

@@ -13,7 +13,9 @@ BLANKS = r"\s+"
 #: Units as headers have them below their names.
 UNIT = re.compile(r"[\[(].*[\])]|-+")
 #: How a line of names begins whose first column is the time.
-_TIME = re.compile(r"t(ime)?\b", re.IGNORECASE)
+_TIME = re.compile(r"(t|time|tempo|temps|tiempo|zeit)\b", re.IGNORECASE)
+#: The unit of a time, as names have it.
+_TIMED = re.compile(r"[\[(](s|ms|us|min)[\])]")
 #: Words of sentences, which name no column.
 _SAID = {"a", "and", "at", "by", "for", "from", "in", "is", "of", "on", "the", "to", "was", "with"}
 
@@ -28,15 +30,15 @@ def cells_of(row: str, separator: str) -> list[str]:
 def commented_names(above: Sequence[str], separator: str, first: Sequence[str]) -> list[str]:
     """Return the names of columns in the comments right above a first row of numbers; none where they name others.
 
-    A line of units may stand below them. A title right above may hold the names as well, parted by another mark than
-    the numbers are: by commas where those have tabs between them and decimal commas.
+    A line of units may stand below them. A title right above may hold the names as well, that of the time among them,
+    parted by another mark than the numbers are: by commas where those have tabs between them.
     """
     if not all(map(is_either_number, first)):
         return []
     title = next((line.strip() for line in reversed(above) if line.strip()), "#")
     for names in [cells_of(title, mark) for mark in ",;\t"] if title[0] not in "#%" else []:
         named = len(names) == len(first) > 1 and all(names) and not any(map(is_either_number, names))
-        if named and not any({*name.lower().split()} & _SAID for name in names):
+        if named and any(_TIME.match(name) or _TIMED.search(name) for name in names):
             return names
     comments = list(takewhile(lambda line: line[:1] in ("#", "%"), map(str.strip, reversed(above))))
     lines = [comment.lstrip("#% \t") for comment in comments]

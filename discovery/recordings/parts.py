@@ -47,14 +47,18 @@ def fitted_count(recording: Recording, *, pushed: bool = True, fewest: int = 0) 
     They are two thirds of those up to where the system rests, and at least half of the motion: before a step there is
     nothing to learn. The end of a free decay lies below the noise and would tell nothing about what shows in larger
     motion. It belongs to the part that is held out; but where fewer than `fewest` would be fitted, they are two thirds
-    of all, and what lies in the noise is better than nothing. As many are held out where a motion is seen late. A level
-    that an input holds is no rest, where it is `pushed`, a force: the levels of a motion do nothing.
+    of all, and what lies in the noise is better than nothing. As many are held out where a motion is seen late, if what
+    is before tells of it. A level that an input holds is no rest, where it is `pushed`, a force: the levels of a motion
+    do nothing.
     """
     end = motion_end(recording, lambda _: MOVES, MOVES, pushed=pushed)
     first, seen = _begin(recording)
     half = max(seen, (first + _last_moving(recording, lambda _: MOVES)) // 2) if first else 0
     size, count = recording.time.size, max(two_thirds(end), half)
-    return max(two_thirds(size), min(count, size - fewest)) if min(count, size - count) < fewest else count
+    if min(count, size - count) >= fewest:
+        return count
+    less = max(two_thirds(size), min(count, size - fewest))
+    return less if less >= count or _scatter(recording, 0, less) > 1 + _BEYOND / np.sqrt(2 * less) else count
 
 
 def thirds_apart(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:

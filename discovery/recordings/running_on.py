@@ -83,7 +83,8 @@ def comes_back(output: FloatArray, given: FloatArray) -> bool:
     parts = np.array_split(np.arange(read.size), min(read.size, _LOOKED))
     steps = np.diff([read[part].mean() for part in parts])
     moved = np.array([pushed[part].any() for part in parts])[1:]
-    forward, back = float(steps[moved].sum()), -steps[~moved]
+    begun = int(np.argmax(moved))
+    forward, back = float(steps[moved].sum()), -steps[begun:][~moved[begun:]]
     returned = np.sign(forward) * back
     rests = returned.size > 1 and abs(returned[-1]) < _SLOWER * returned.max()
     return bool(rests and returned.sum() > _RETURNS * abs(forward))

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
-from discovery.declarations.registry import get_effect
+from discovery.declarations.registry import get_effect, sizes_of
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import FloatArray
+from discovery.foundation.start_names import start_of
 from discovery.screening.attribution import Candidate, Start
 from discovery.screening.finite import FarStart
 from discovery.screening.refits import Refit, held_fixed
@@ -23,7 +24,7 @@ from discovery.screening.refits import Refit, held_fixed
 #: So many are kept, and none that leaves more than this part of what the member removes.
 _KEPT, _LEFT = 8, 0.5
 #: Of a matrix with ones on its diagonal.
-_ROUNDING = 1e-12
+_ROUNDING = 1e-10
 
 
 def exchange_starts(found: Refit, effect: str, scored: Sequence[Candidate]) -> list[FarStart]:
@@ -32,12 +33,12 @@ def exchange_starts(found: Refit, effect: str, scored: Sequence[Candidate]) -> l
     `found`: the set with the member. `effect`: the member. `scored`: candidates screened beside that set.
     """
     problem, minimum = held_fixed(found.problem, found.minimum)
-    rows, parameters = problem.bench.n_rows, problem.model.parameters
+    rows, sizes = problem.bench.n_rows, sizes_of(effect)
     values = {**problem.model.known, **dict(zip(problem.names, minimum.x.tolist(), strict=True))}
     slopes = dict(zip(problem.names, minimum.jacobian[:rows].T, strict=True))
     rest = replace(problem, model=problem.model.without([effect]))
-    sizes = [n for n in problem.names if n not in rest.names and not (n in parameters and parameters[n].shape)]
-    absent = minimum.residual[:rows] - sum(values[n] * slopes[n] for n in sizes)
+    gone = [n for n in problem.names if n not in rest.names and (start_of(n) or (n,))[0] in sizes]
+    absent = minimum.residual[:rows] - sum(values[n] * slopes[n] for n in gone)
     alone, _ = _to_first_order(rest, values, slopes, absent)
     most, ways = 2 * minimum.cost + _LEFT * (alone - 2 * minimum.cost), []
     # What each recording has of its own has no start of this kind.
@@ -64,7 +65,7 @@ def _to_first_order(
     """
     x, columns = (np.array([table[n] for n in problem.names]) for table in (values, slopes))
     gram, push = columns @ columns.T, columns @ residual
-    if not np.isfinite(gram).all():  # beside a motion that blows up nothing is told
+    if not x.size or not np.isfinite(gram).all():  # beside a motion that blows up nothing is told
         return np.inf, dict(values)
     stiff = gram + np.diag(problem.scale**-2.0)
     size = np.sqrt(np.diag(stiff))

@@ -57,7 +57,8 @@ class Offers:
     def beside(self, node: Contender, found: Contender | None = None) -> list[Contender]:
         """Return a set with one effect more: every candidate refitted, the best of them weighed, most likely first.
 
-        `found`: a set with one effect more, from where what may take its place begins as well.
+        `found`: a set with one effect more, from where what may take its place begins as well; not where the offer is
+        made already.
         """
         if node.key not in self._made:
             scored, beside = self.scored(node), f" beside {' and '.join(node.added)}" if node.added else ""
