@@ -131,7 +131,7 @@ def untold(final: Fit, added: Iterable[str]) -> list[Caution]:
     found = []
     for effect in (e for e in added if e in final.model.effects):
         sizes = sizes_of(effect)
-        told = {n: as_read(final, n) for n in final.values if n in sizes or (start_of(n) or ("",))[0] in sizes}
+        told = {n: as_read(final, n) for n in final.values if (start_of(n) or (n,))[0] in sizes}
         if not told or any(final.reasons.get(name) == BENT for name in told):
             continue
         if not any(q["sd"] is not None and abs(q["value"]) >= _BEYOND * q["sd"] for q in told.values()):

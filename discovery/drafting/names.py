@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from discovery.declarations.units import si_factor, si_symbol, standard_unit
 from discovery.foundation.errors import InputError
+from discovery.foundation.table_cells import TIMES
 
 #: What may stand behind an underscore or a blank without brackets: other letters there are part of the name.
 _BARE = {
@@ -19,7 +20,7 @@ _BARE = {
 _MOVING = {"m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "rev", "degrees", "radians"}
 _RATE = re.compile(r"(?P<of>[^\W\d_]+)_(?:per_)?(?P<per>s|sec|seconds?|min|h)(?:\^?-?(?P<power>[12]))?")
 _BRACKETS = re.compile(r"(?P<stem>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|/\s*(?P<slash>\S+))\s*$")
-_TIMES = {"t", "time", "times", "timestamp", "zeit", "temps", "elapsed", "seconds", "clock"}
+_TIMES = {*TIMES, "times", "timestamp", "elapsed", "seconds", "clock"}
 _CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "current", "i", "input", "command", "cmd"}
 _CAUSES |= {"excitation", "drive", "pwm", "duty", "thrust", "load", "kraft", "spannung", "strom", "volts", "amps"}
 _CAUSES |= {"demand", "forzante", "forza", "fuerza", "effort"}

@@ -175,8 +175,7 @@ def examine(experiments: Sequence[Experiment], predictions: Sequence[FloatArray]
     # Of a force one reading of several is compared: they have a rate of their own.
     rows = np.flatnonzero(np.isfinite(parts[0]).all(axis=1))
     every = stride(rows)
-    every = 1 if (rows % every != rows[:1] % every).any() else every
-    compared = parts[0][int(rows[0]) % every if rows.size else 0 :: every]
+    compared = parts[0][int(rows[:1].sum()) % every :: every]
     clean = np.where(np.isfinite(compared), compared, 0.0)
     rate = 1.0 / (every * median_step(experiments[0].recording.time))
     frequency, density = welch(clean, rate, nperseg=min(1024, len(clean)), axis=0)

@@ -36,14 +36,15 @@ def mean_rate(time: FloatArray) -> float:
 
 
 def stride(rows: IntArray) -> int:
-    """Return of how many samples each is one that is used: of every sample 1, and 1 of none.
+    """Return of how many samples each is one that is used: of every sample 1, and 1 of none or where it slips.
 
     Examples
     --------
-    >>> stride(np.array([0, 6, 12, 18])), stride(np.array([0, 1, 2, 9]))
-    (6, 1)
+    >>> stride(np.array([0, 6, 12, 18])), stride(np.array([0, 1, 2, 9])), stride(np.array([0, 6, 12, 19, 25]))
+    (6, 1, 1)
     """
-    return int(np.median(np.diff(rows))) if rows.size > 1 else 1
+    every = int(np.median(np.diff(rows))) if rows.size > 1 else 1
+    return every if (rows % every == rows[:1] % every).all() else 1
 
 
 def gaps(time: FloatArray, step: float | None = None) -> BoolArray:

@@ -12,8 +12,10 @@ from itertools import takewhile
 BLANKS = r"\s+"
 #: Units as headers have them below their names.
 UNIT = re.compile(r"[\[(].*[\])]|-+")
+#: What a column of times is called.
+TIMES = ("t", "time", "tempo", "temps", "tiempo", "zeit")
 #: How a line of names begins whose first column is the time.
-_TIME = re.compile(r"(t|time|tempo|temps|tiempo|zeit)\b", re.IGNORECASE)
+_TIME = re.compile(rf"({'|'.join(TIMES)})\b", re.IGNORECASE)
 #: The unit of a time, as names have it.
 _TIMED = re.compile(r"[\[(](s|ms|us|min)[\])]")
 #: Words of sentences, which name no column.

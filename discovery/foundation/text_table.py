@@ -148,26 +148,27 @@ def _decimal(rows: Sequence[str], separator: str) -> str:
     """Return the mark before the decimals: a comma where it stands in numbers that have no point, and no thousands."""
     if separator == ",":
         return "."
-    cells = [cell for row in rows[:_LOOKED] for cell in cells_of(row, separator)]
-    marked = [cell for cell in cells if _COMMA.fullmatch(cell)]
-    plain = any("." in cell and is_number(cell) for cell in cells)
-    return "," if not plain and any(not _THOUSAND.fullmatch(cell) for cell in marked) else "."
+    pointed, marked = _marked(rows, separator)
+    return "," if marked and not pointed else "."
+
+
+def _marked(rows: Sequence[str], separator: str) -> tuple[list[tuple[int, str]], list[str]]:
+    """Return numbers with a decimal point, each with its row, and those with a comma that marks no thousand."""
+    cells = [(k, cell) for k, row in enumerate(rows[:_LOOKED]) for cell in cells_of(row, separator)]
+    pointed = [(k, cell) for k, cell in cells if "." in cell and is_number(cell)]
+    return pointed, [cell for _, cell in cells if _COMMA.fullmatch(cell) and not _THOUSAND.fullmatch(cell)]
 
 
 def _check_marks(path: Path, lines: IntArray, rows: Sequence[str], separator: str) -> None:
     """Refuse the rare number with a decimal point among decimal commas."""
     if separator == ",":
         return
-    cells = [
-        (line, cell) for line, row in zip(lines, rows[:_LOOKED], strict=False) for cell in cells_of(row, separator)
-    ]
-    pointed = [(line, cell) for line, cell in cells if "." in cell and is_number(cell)]
-    marked = [cell for _, cell in cells if _COMMA.fullmatch(cell) and not _THOUSAND.fullmatch(cell)]
+    pointed, marked = _marked(rows, separator)
     if pointed and _RARE * len(pointed) < len(marked):
-        line, cell = pointed[0]
+        row, cell = pointed[0]
         raise InputError(
-            f"{path}, line {line}: {cell!r} has a decimal point, and nearly all other numbers have a decimal comma. "
-            "Write the same mark in all of them."
+            f"{path}, line {lines[row]}: {cell!r} has a decimal point, and nearly all other numbers have a decimal "
+            "comma. Write the same mark in all of them."
         )
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arrays import FloatArray
@@ -77,12 +80,11 @@ def comes_back(output: FloatArray, given: FloatArray) -> bool:
     (True, False)
     """
     good = np.isfinite(output) & np.isfinite(given)
-    read, pushed = output[good], given[good] != 0.0
+    pushed = given[good] != 0.0
     if pushed.all() or not pushed.any() or given[good].min() < 0.0 < given[good].max():
         return False
-    parts = np.array_split(np.arange(read.size), min(read.size, _LOOKED))
-    steps = np.diff([read[part].mean() for part in parts])
-    moved = np.array([pushed[part].any() for part in parts])[1:]
+    steps = _steps(output[good])
+    moved = np.array([part.any() for part in _parts(pushed)])[1:]
     begun = int(np.argmax(moved))
     forward, back = float(steps[moved].sum()), -steps[begun:][~moved[begun:]]
     returned = np.sign(forward) * back
@@ -92,8 +94,11 @@ def comes_back(output: FloatArray, given: FloatArray) -> bool:
 
 def _steps(output: FloatArray) -> FloatArray:
     """Return how far a motion goes from part to part; single readings tell their noise, too."""
-    read = output[np.isfinite(output)]
-    return np.diff([part.mean() for part in np.array_split(read, min(read.size, _LOOKED))])
+    return np.diff([part.mean() for part in _parts(output[np.isfinite(output)])])
+
+
+def _parts(values: NDArray[Any]) -> list[NDArray[Any]]:
+    return np.array_split(values, min(values.size, _LOOKED))
 
 
 def _ways(steps: FloatArray) -> tuple[float, float]:

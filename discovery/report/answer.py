@@ -129,19 +129,18 @@ def parameter_lines(run: Run) -> list[tuple[str, str, str, str]]:
     """Return the parameters of the final model: symbol, value with its deviation, unit, and what it is."""
     after = run.loop["model"]["after"]
     declared = declared_parameters(after["model"])
-    physical = {**after.get("physical", {})}
+    physical = after.get("physical", {})
+    # Where a force is read it tells the inertia, which is the row below, and the others are forces.
+    forces = physical if run.reads_force and "inertia" in physical else {}
     found = []
     for name, row in _parameters(run).items():
-        p = row
-        if run.reads_force and "inertia" in physical:
-            # The force tells the inertia, which is the row below, and the others are forces.
-            if name == "m":
-                continue
-            p = {**row, **physical.pop(name, {})}
+        if forces and name == "m":
+            continue
+        p = {**row, **forces.get(name, {})}
         meaning = [declared[name].meaning] if name in declared else []
         value = significant(p["value"]) if "reason" in p else uncertain(p["value"], p["sd"])
         words = ", ".join([*meaning, *([p["reason"]] if "reason" in p else [])])
-        told = f": {force}" if (force := in_newtons(physical.get(name))) else ""
+        told = f": {force}" if not forces and (force := in_newtons(physical.get(name))) else ""
         found.append((symbol_of(name), value, unit_of(name, p["unit"], run), words + told))
     if "inertia" in physical:
         weight = physical["inertia"]

@@ -227,8 +227,9 @@ class Run:
 
     @property
     def judged(self) -> Trajectory | None:
-        """The first held-out recording of which both models are known, else the first recording of which they are."""
-        return next((t for t in (*self.held_out, *self.trajectories) if {"before", "after"} <= t.models.keys()), None)
+        """The first held-out recording of which both models are known, else the first such one, at what is compared."""
+        known = (t for t in (*self.held_out, *self.trajectories) if {"before", "after"} <= t.models.keys())
+        return next((t.thinned() for t in known), None)
 
     @cached_property
     def held_out(self) -> tuple[Trajectory, ...]:

@@ -73,12 +73,14 @@ class Offers:
         return self._instead[key]
 
     def _exchanges(self, node: Contender, found: Contender | None) -> list[FarStart]:
-        more = [] if found is None else [e for e in found.added if e not in node.added]
-        return [s for e in more if found is not None for s in exchange_starts(found.refit, e, self.scored(found))]
+        if found is None:
+            return []
+        more = (e for e in found.added if e not in node.added)
+        return [s for e in more for s in exchange_starts(found.refit, e, self.scored(found))]
 
     def _weighed(self, node: Contender, scored: Sequence[Candidate], starts: Sequence[FarStart]) -> list[Contender]:
-        most, how = self.context.settings.budget.finished, {"far": node.is_far, "first": not node.added}
-        found = refits_beside(node.refit, scored, starts, keep=most, **how)
+        most = self.context.settings.budget.finished
+        found = refits_beside(node.refit, scored, starts, keep=most, far=node.is_far, first=not node.added)
         return contenders(self.context, [((*node.added, r.effect), r) for r in found[:most]])
 
     def known(self, added: Sequence[str], base: str) -> list[Contender]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def draw_residual(run: Run) -> Picture | None:
     """Return the residual of the first held-out recording (the first one otherwise), every channel before and after."""
-    shown = None if run.judged is None else run.judged.thinned()
+    shown = run.judged
     if shown is None:
         return None
     count = len(shown.channels)
@@ -87,7 +87,7 @@ def fit_per_cent(measured: FloatArray, left: FloatArray) -> float:
 
 def draw_correlogram(run: Run) -> Picture | None:
     """Return both correlations of the first held-out recording, of the first one otherwise, on its first channel."""
-    shown = None if run.judged is None else run.judged.thinned()
+    shown = run.judged
     if shown is None or not np.isfinite(shown.measured[:, 0]).any():
         return None
     left = {m: shown.models[m][:, 0] - shown.measured[:, 0] for m in ("before", "after")}
