@@ -11,7 +11,7 @@ from discovery.declarations.registry import get_effect
 from discovery.estimation.log_evidence import NOISIER
 from discovery.selection.contender import Contender
 from discovery.selection.context import Context
-from discovery.selection.odds import Odds, between_rivals, odds_of
+from discovery.selection.odds import HELD, Odds, between_rivals, odds_of
 from discovery.selection.search import Search
 
 VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
@@ -84,13 +84,17 @@ def named(search: Search) -> list[Named]:
     for effect in search.best.added:
         smaller = search.neighbours.without(search.best, effect)
         odds = odds_of(search.best, smaller, search.root, settings)
-        others = search.neighbours.instead_of(search.best, effect)
+        # What predicts worse than nothing in its place serves nobody.
+        ways = {
+            c: odds_of(c, smaller, search.root, settings) for c in search.neighbours.instead_of(search.best, effect)
+        }
+        others = [c for c, own in ways.items() if own.code(settings, search.context.judge.asked(-HELD)) != "held_out"]
         behind = {c: search.best.joint - c.joint for c in others}
         # Another form of a law may look like one that contains it, even where nothing else is left.
         near = [c for c in others if not complete or get_effect(effect).reduces_to.intersection(c.added)]
         for rival in near:
             # What is itself no larger than the model error is no rival that this could hide.
-            if odds_of(rival, smaller, search.root, settings).against_error >= settings.nats:
+            if ways[rival].against_error >= settings.nats:
                 behind[rival] = between_rivals(search.best, rival, settings)
         weights = {c: float(np.exp(-max(behind[c], 0.0))) for c in others}
         total = 1.0 + float(np.exp(-max(odds.total, 0.0))) + sum(weights.values())
