@@ -22,6 +22,7 @@ from discovery.recordings.experiment import Experiment
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
 from discovery.rigs.quantities import QUANTITIES
+from discovery.selection.decision import Decision
 
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
 SCATTERED = 1.5
@@ -30,7 +31,7 @@ _ELSEWHERE = 5.0
 #: Standard deviations by which an output moves before its input, and that of a delay without an interval, in readings.
 _AHEAD, _UNTOLD = 2.0, 0.1
 #: Such a part of what is left of a recording is a burst where it lies within such a share of it.
-_SHORT = {0.5: 0.1, 0.25: 0.01}
+_SHORT = {0.9: 0.1, 0.5: 0.1, 0.25: 0.01}
 _FIRST = 4  # readings: where a recording begins
 #: What is left may be noise with a memory up to so many noise sds, and is told apart in time from so many on.
 _LITTLE, _LARGE = 3.0, 2.0
@@ -55,7 +56,8 @@ class Caution:
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),
     #: "lost_gain" (of the input, not told from zero any more: `value`, `sd`, `unit`, `before` and `before_sd`),
     #: "no_gain" (never told from zero: `value`, `sd` and `unit`),
-    #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule),
+    #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule), "stopped" (a search that its
+    #: budget ended, with the numbers of that decision),
     #: "untold" (an added effect of no size 3 sds from zero: `value`, `sd` and `unit` of the first of them),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "stamps" (that err, see `diagnosis.stamps`), "burst" (where it lies in time), "like_noise" (of the
@@ -103,6 +105,12 @@ def unfinished(fitted: Fit) -> Caution | None:
     return None if minimum.converged else Caution("unfinished", numbers={"iterations": minimum.iterations})
 
 
+def stopped(steps: Sequence[Decision]) -> Caution | None:
+    """Return that a limit of work ended the search; None where nothing more was accepted."""
+    last = next((d for d in reversed(steps) if d.action == "stop"), None)
+    return Caution("stopped", numbers=last.numbers) if last is not None and last.code == "budget" else None
+
+
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:
     """Return that a model misses what is held out far more than training; None where it does not.
 
@@ -119,7 +127,7 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
 
 
 def burst(fitted: Fit) -> Caution | None:
-    """Return the short stretch that holds half of what a fit leaves of a recording, or a quarter; None without one."""
+    """Return the short stretch that holds nine tenths, half or a quarter of what is left of a recording; else None."""
     bench = fitted.problem.bench
     left = np.square(fitted.minimum.residual[: bench.n_rows])
     found = []

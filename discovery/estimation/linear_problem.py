@@ -71,6 +71,9 @@ class ErrorSizes:
 
     def __post_init__(self) -> None:
         self.modes: dict[float, Mode] = {}
+        #: Logarithm of the likeliest size. Not a cached property: until Python 3.12 one lock of all would hold up
+        #: what other threads weigh.
+        self.best = self._likeliest_size()
 
     def mode(self, size: float) -> Mode:
         """Return the posterior of the parameters for a size."""
@@ -85,9 +88,7 @@ class ErrorSizes:
         found = self.mode(size).log_evidence + float(prior)
         return found if np.isfinite(found) else -1e300
 
-    @cached_property
-    def best(self) -> float:
-        """Logarithm of the likeliest size."""
+    def _likeliest_size(self) -> float:
         rms = np.sqrt([np.mean(c.columns[:, -1] ** 2) for c in self.channels])
         highest = np.log(10 * max(1.0, *rms.tolist())) + np.log(_FACTOR)
         grid = np.arange(np.log(_LEAST), highest, np.log(_FACTOR))
@@ -125,7 +126,7 @@ class ErrorSizes:
             grams = [Channel(c.time, r).gram(error)[0] for c, r in zip(self.channels, residuals, strict=True)]
             return np.asarray(pulled + sum(np.diag(g) for g in grams) / self.likeliest.white**2, np.float64)
 
-    @cached_property
+    @property
     def integrated(self) -> float:
         """The log evidence, the size integrated: none, or around the likeliest."""
         u, h = self.best, 0.1

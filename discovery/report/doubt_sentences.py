@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 from discovery.declarations.registry import effect_name
@@ -102,7 +103,8 @@ def _hung(found: Record) -> str:
 def _burst(found: Record) -> str:
     start, stop = (figures(found["numbers"][k], 4) for k in ("start", "stop"))
     when = f"at {start} s" if start == stop else f"between {start} and {stop} s"
-    part = "half" if found["numbers"]["share"] >= 0.5 else "a quarter"
+    parts = {0.9: "nine tenths", 0.5: "half", 0.0: "a quarter"}
+    part = next(words for least, words in parts.items() if found["numbers"]["share"] >= least)
     asked = "was it pushed there, did it hit something, or did readings jump?"
     if found["numbers"].get("begins"):
         when = f"{when}, where it begins"
@@ -161,6 +163,22 @@ def _quiet(found: Record) -> str:
     return f"{_off(found['numbers'], 'less than their estimated')}: {advice}"
 
 
+def budget_sentence(numbers: Record) -> str:
+    """Return which limit of work ended the search; results of old do not state it."""
+    work = ("effects", "offers", "cost")
+    effects, offers, cost = ((numbers.get(n, 0), numbers.get(f"most_{n}", math.inf)) for n in work)
+    if effects[0] >= effects[1]:
+        return f"the model holds {effects[1]} added effects, as many as the search may add"
+    if cost[0] > cost[1]:
+        return (
+            f"simulations with what was added cost {plain(cost[0], 2)} times those of the start, and beyond "
+            f"{plain(cost[1], 2)} times no further effect is sought"
+        )
+    if offers[0] >= offers[1]:
+        return f"the catalogue was tried beside {offers[1]} sets, as many as the search may extend"
+    return "a limit of the search’s work was reached, so no further effect was sought"
+
+
 _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     "declared_edge": lambda found: (
         f"{_value(found)} of the declared model ends at its bound, which follows from the recorded motion and not from "
@@ -195,6 +213,10 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     "unfinished": lambda found: (
         f"the final fit stopped after {found['numbers']['iterations']} steps on its way to a minimum: its values and "
         "intervals are not those of the best fit; declare better guesses, or state what the recordings do not tell"
+    ),
+    "stopped": lambda found: (
+        f"the search ended before it had tried all it would: {budget_sentence(found['numbers'])}. More may be missing, "
+        "or less in its place: declare what you know of the system, and search from there"
     ),
     "missed": _missed,
     "stamps": _stamps,

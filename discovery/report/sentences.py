@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from discovery.declarations.registry import effect_name
 from discovery.estimation.importance import LARGEST_K
-from discovery.report.doubt_sentences import failure_sentence
+from discovery.report.doubt_sentences import budget_sentence, failure_sentence
 from discovery.report.model_error_words import as_none, depends_words, held_words, share_words
 from discovery.report.numbers import Record, listed, plain, sizes
 
@@ -187,22 +187,6 @@ def _laplace(numbers: Record) -> str:
     return f"the draws of importance sampling cannot be trusted ({told}): probabilities take the posterior as Gaussian"
 
 
-def _budget(numbers: Record) -> str:
-    """Return which limit of work ended the search; results of old do not state it."""
-    work = ("effects", "offers", "cost")
-    effects, offers, cost = ((numbers.get(n, 0), numbers.get(f"most_{n}", math.inf)) for n in work)
-    if effects[0] >= effects[1]:
-        return f"the model holds {effects[1]} added effects, as many as the search may add"
-    if cost[0] > cost[1]:
-        return (
-            f"simulations with what was added cost {plain(cost[0], 2)} times those of the start, and beyond "
-            f"{plain(cost[1], 2)} times no further effect is sought"
-        )
-    if offers[0] >= offers[1]:
-        return f"the catalogue was tried beside {offers[1]} sets, as many as the search may extend"
-    return "a limit of the search’s work was reached, so no further effect was sought"
-
-
 _REASONS: Mapping[str, Callable[[Record], str]] = {
     "accepted": _accepted,
     "training": lambda numbers: f"the log evidence {_change(numbers['train'], few=True)} nats in training",
@@ -234,7 +218,7 @@ _REASONS: Mapping[str, Callable[[Record], str]] = {
     "exhausted": lambda _: "no other effect, and no pair, is likely enough",
     "contained": lambda _: "what was added contains it",
     "impossible": lambda _: "the system that the rig file declares cannot move as a recording says",
-    "budget": _budget,
+    "budget": budget_sentence,
 }
 
 

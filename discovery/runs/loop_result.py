@@ -210,6 +210,7 @@ class LoopResult(LoopViews):
         if self.added:
             found.append(caution.not_carried(self.errors))
         if not self.complete and not self.impossible:
+            found.append(caution.stopped(self.steps))
             noise = float(min(r.noise[r.judged].min() for r in self.recordings))
             sizes = {"left": error.after, "held": error.held, "noise": noise}
             alike = caution.like_noise(self.residual_after, error.depends_on, self.errors, **sizes)

@@ -80,15 +80,14 @@ def verdict_of(added: Sequence[str], geometry: Sequence[str], *, complete: bool)
 def named(search: Search) -> list[Named]:
     """Return how sure every effect of the set found is: against its absence and against what else serves."""
     settings, complete = search.context.settings, is_complete(search.best, search.root, search.context)
-    found = []
+    found, least = [], search.context.judge.asked(-HELD)
     for effect in search.best.added:
         smaller = search.neighbours.without(search.best, effect)
         odds = odds_of(search.best, smaller, search.root, settings)
         # What predicts worse than nothing in its place serves nobody.
-        ways = {
-            c: odds_of(c, smaller, search.root, settings) for c in search.neighbours.instead_of(search.best, effect)
-        }
-        others = [c for c, own in ways.items() if own.code(settings, search.context.judge.asked(-HELD)) != "held_out"]
+        instead = search.neighbours.instead_of(search.best, effect)
+        ways = {c: odds_of(c, smaller, search.root, settings) for c in instead}
+        others = [c for c in instead if ways[c].code(settings, least) != "held_out"]
         behind = {c: search.best.joint - c.joint for c in others}
         # Another form of a law may look like one that contains it, even where nothing else is left.
         near = [c for c in others if not complete or get_effect(effect).reduces_to.intersection(c.added)]
@@ -105,8 +104,7 @@ def named(search: Search) -> list[Named]:
         shared = 1.0 + sum(weights[c] for c in serve)
         force, doubtful = {}, False
         if search.unknown is not None and effect in search.unknown.kept:
-            kept, instead = search.unknown.kept[effect], search.unknown.instead[effect]
-            force = {"beside_force": kept, "force_instead": instead}
-            doubtful = bool(instead > settings.nats > kept)
+            kept, other = search.unknown.kept[effect], search.unknown.instead[effect]
+            force, doubtful = {"beside_force": kept, "force_instead": other}, bool(other > settings.nats > kept)
         found.append(Named(effect, odds, 1.0 / total, shared / total, names, tuple(group), force, doubtful))
     return found

@@ -65,7 +65,9 @@ def nats_axis(axes: Axes, values: Iterable[float | None]) -> None:
     if high > _LARGE:
         axes.set_xscale("symlog", linthresh=10.0, linscale=0.7)
         decades = [10.0**k for k in range(1, int(np.ceil(np.log10(high))) + 1)]
-        ticks = [*([-10.0] if low < 0 else []), 0.0, *decades[:: 1 + len(decades) // 5]]
+        # Of less than two decades thirds stand between: the bars end there.
+        between = [3 * d for d in decades if 3 * d < 1.5 * high] if len(decades) <= 2 else []
+        ticks = [*([-10.0] if low < 0 else []), 0.0, *decades[:: 1 + len(decades) // 5], *between]
         axes.xaxis.set_major_locator(FixedLocator(ticks))
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_major_formatter(FuncFormatter(_tick))
@@ -132,7 +134,8 @@ def _ranking(run: Run, search: Search, position: int) -> Picture:
     axes.set_yticks(range(len(shown)), labels)
     axes.set_ylim(len(shown) - 0.45, -0.55)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("log evidence gained [nats]")
+    # Long names leave less room than the words ask for: they reach to the left under these.
+    axes.set_xlabel("log evidence gained [nats]", loc="right")
     _legend(figure, seen)
     beyond = any(v < LOSS for v in gains)
     return _picture(search, position, figure, len(shown), end=fate(run, search.taken), beyond=beyond)
@@ -156,6 +159,7 @@ def _picture(search: Search, position: int, figure: Figure, count: int, *, end: 
     taken = f"{listed(map(effect_name, search.taken))}{end}" if search.taken else "nothing"
     who = f"the {count} most likely candidates gain" if count > 1 else "the only candidate gains"
     arrows = " Arrows: losses beyond the axis." if beyond else ""
+    arrows = f" Beyond 10 nats the axis is logarithmic.{arrows}" if figure.axes[0].get_xscale() == "symlog" else arrows
     best = listed(map(effect_name, search.candidates[0]["effects"]))
     return Picture(
         f"ranking_{position}",
@@ -184,7 +188,7 @@ def draw_odds(run: Run) -> Picture | None:
     axes.set_yticks(range(len(shown)), [effect_name(e["id"]).replace(" ", "\n", 1) for e in shown])
     axes.set_ylim(len(shown) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("log odds [nats]")
+    axes.set_xlabel("log odds [nats]", loc="right")
     handles = [
         Patch(facecolor=BLUE, edgecolor=BLUE, label="training"),
         Patch(facecolor="white", edgecolor=BLUE, hatch="//////", label="with held out"),
