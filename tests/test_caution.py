@@ -15,8 +15,16 @@ import pytest
 from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, acausal, missed, unfinished
-from discovery.diagnosis.edges import at_edges, combined, gain_untold, held_sign, strayed_constant, untold
+from discovery.diagnosis.caution import Caution, acausal, missed, stopped, unfinished
+from discovery.diagnosis.edges import (
+    at_edges,
+    combined,
+    gain_untold,
+    held_sign,
+    stated_edges,
+    strayed_constant,
+    untold,
+)
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
@@ -31,6 +39,7 @@ from discovery.report.sentences import decision_sentence
 from discovery.runs.loop import close_loop
 from discovery.screening.refits import Refit
 from discovery.selection.contender import Contender
+from discovery.selection.decision import Decision
 
 
 @pytest.fixture(scope="module")
@@ -434,3 +443,31 @@ def test_a_constant_of_zero_has_no_ratio_to_another(tmp_path: Path) -> None:
     rig.write_text(text, encoding="utf-8")
     found = close_loop(load_dataset(rig, [tmp_path / "a.csv"])).summary()["contradiction"]["contradictions"]
     assert [(c["parameter"], c["instead"]) for c in found] in ([("place", [])], [])
+
+
+@pytest.mark.parametrize(("code", "told"), [("budget", True), ("exhausted", False)])
+def test_a_search_that_its_limit_of_work_ended_is_doubted(code: str, told: bool) -> None:
+    numbers = {"effects": 5, "most_effects": 5, "offers": 2, "most_offers": 7, "cost": 1.0, "most_cost": 6.0}
+    steps = [Decision("stop", (), True, "budget", numbers), Decision("stop", (), True, code, numbers)]
+    found = stopped(steps)
+    assert (found is not None) == told
+    if found is not None:
+        assert "holds 5 added effects, as many as the search may add" in caution_sentence(found.summary())
+
+
+@pytest.mark.parametrize(("stated", "doubted"), [(40.0, False), (43.0, False), (46.0, True)])
+def test_a_stated_value_that_ends_as_far_away_as_it_may_is_doubted(
+    tmp_path: Path, stated: float, doubted: bool
+) -> None:
+    rig = seen(tmp_path)
+    text = rig.read_text(encoding="utf-8").replace("value = 40.0,", f"value = {stated}, sd = 1.5,")
+    rig.write_text(text, encoding="utf-8")
+    data = load_dataset(rig, [tmp_path / "a.csv"])
+    found = stated_edges(first_fit(data.train, natural_units(data.train)))
+    assert [c.about for c in found] == (["spring"] if doubted else [])
+    for caution in found:
+        assert caution.numbers["sds"] == pytest.approx(-3.0, abs=0.01)
+        assert caution.numbers["value"] == pytest.approx(stated - 4.5, rel=1e-3)
+        assert "ends 3 standard deviations from what the rig file states, 46.0 +- 1.5" in (
+            caution_sentence(caution.summary())
+        )

@@ -1119,3 +1119,11 @@ def test_a_force_that_answers_an_imposed_motion_gets_a_view(tmp_path):
     # A slow readout bounds what is guessed.
     slow = written(tmp_path, "slow.csv", "time_s,displacement_mm,force_N", TIME[::5], place[::5], force[::5])
     assert drafted(slow, chosen={"output": "force_N", "input": "displacement_mm"})["view"]["motion_cutoff_hz"] == 8.0
+
+
+def test_a_kind_that_nothing_drives_is_drafted_without_an_input(tmp_path: Path) -> None:
+    time = TIME[:100]
+    path = written(tmp_path, "a.csv", "t_s,volts,height_m", time, np.sin(3.0 * time), 5.0 - 4.9 * time**2)
+    asked = {"output": "height_m"}
+    assert "input" in drafted(path, kind="drive", chosen=asked)["columns"]
+    assert "input" not in drafted(path, kind="falling_body", chosen=asked)["columns"]

@@ -746,3 +746,21 @@ def test_an_end_that_does_not_move_forgives_chance() -> None:
     assert code(HoldOut([quiet], [], UNITS, settings.tolerance), quiet, 4.0) == "held_out"
     assert HoldOut([whole], [quiet], UNITS, settings.tolerance).asked(0.5) == 0.5
     assert HoldOut([whole], [], UNITS, settings.tolerance).asked(0.5) == -np.inf
+
+
+def test_what_predicts_worse_than_nothing_in_its_place_is_no_rival(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = searched(f_c=0.02)
+    (effect,) = search.best.added
+    as_likely = dataclasses.replace(search.best, added=("hysteresis",))
+    evidence = as_likely.evidence
+    # What it gains in training it loses held out.
+    moved = dataclasses.replace(
+        evidence, train=evidence.train + 300.0, held=evidence.held - 300.0, ahead=evidence.ahead - 300.0
+    )
+    misses = dataclasses.replace(as_likely, evidence=moved)
+    assert misses.joint == pytest.approx(as_likely.joint)
+    for rival, group in ((as_likely, ("hysteresis",)), (misses, ())):
+        monkeypatch.setattr(search.neighbours, "instead_of", lambda *_, rival=rival: [rival])
+        (found,) = named(search)
+        assert (found.effect, found.group) == (effect, group)
+        assert (found.probability > 0.9) == (not group)

@@ -51,6 +51,7 @@ class Caution:
     """One reason not to believe an answer."""
 
     #: "declared_edge", "effect_edge" (a value at the edge of its range), "strayed" (a constant far from its guess),
+    #: "stated_edge" (a `stated` value with `sd` that ends as many `sds` away as it may: `value`, `unit`),
     #: "combined" (a constant that the recordings tell together with `others` only),
     #: "held_sign" (a constant of the declared model that ends at zero and would go beyond), "far_start" (`value`, `sd`
     #: and `unit` of a start that nothing reads, and how many `times` as far as believed),

@@ -13,11 +13,14 @@ from discovery.equations.losses import is_passive
 from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import BENT
+from discovery.estimation.problem import STATED
 from discovery.estimation.told import as_read
 from discovery.foundation.start_names import start_of
 
 #: Standard deviations by which a constant would go beyond zero.
 _BEYOND = 3.0
+#: Share of the way to where a stated value may end, within which it is there.
+_AT_END = 1e-3
 _TOLD = 2.0  # of those by which a gain is told from zero
 #: Widths of what is believed of a coordinate that nothing reads, beyond which it begins far off.
 _FARTHER = 3.0
@@ -30,6 +33,18 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
     for name in fitted.problem.edges(fitted.minimum.x):
         numbers = {"value": fitted.values[name], "unit": fitted.told(name)["unit"]}
         found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
+    return found
+
+
+def stated_edges(fitted: Fit) -> list[Caution]:
+    """Return what the rig file states within an uncertainty and the fit ends as far away as it may."""
+    problem, found = fitted.problem, []
+    for name, value in zip(problem.free, fitted.minimum.x.tolist(), strict=False):
+        mean, sd = problem.gaussian.get(name, (value, 1.0))
+        if abs(value - mean) > (1.0 - _AT_END) * STATED * sd:
+            told = fitted.values[name] / value
+            numbers = {"value": fitted.values[name], "unit": fitted.told(name)["unit"], "sds": (value - mean) / sd}
+            found.append(Caution("stated_edge", name, numbers={**numbers, "stated": told * mean, "sd": told * sd}))
     return found
 
 

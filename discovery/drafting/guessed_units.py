@@ -77,5 +77,7 @@ def said_of(name: str, unit: str, values: FloatArray) -> str:
         return "FILL IN the unit, m/s or rad/s, which neither name nor numbers tell; guesses above are in it; "
     if unit == "deg" and np.array_equal(values, np.round(values), equal_nan=True):
         return "FILL IN the unit: of an encoder's counts it is rev, scale = 1 over those of a turn; "
+    if unit in ("deg", "rad") and not _TURNING.intersection(words):
+        return "FILL IN the unit of an angle; a place along an axis is none: --kind oscillator reads it; "
     unknown = unit == "1" or (unit == "m" and _ALONG.intersection(words))
     return "FILL IN the unit, which the name does not state; " if unknown else "unit guessed; "

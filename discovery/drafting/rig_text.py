@@ -101,6 +101,8 @@ def drafted(
         lines = _arm(path)
     else:
         found, *others = find_signals([*fitted, *held], rate=rate, chosen=chosen)
+        if kind is not None and KINDS[kind].needs_input is False and (chosen or {}).get("input") is None:
+            found, *others = (_free(each) for each in (found, *others))
         guess = guess_kind([found, *others]) if kind is None else Guess(kind, "")
         _check(found, guess)
         if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
@@ -111,6 +113,13 @@ def drafted(
             rows = trial_rows(found)
         rests = [each.path for each in (found, *others) if begins_at_rest(each)]
     return Drafted("\n".join([*lines, "", *record_lines(fitted, held, place, rows, rests)]) + "\n", unused)
+
+
+def _free(found: Signals) -> Signals:
+    """Return signals of a system that nothing drives."""
+    if found.input is None:
+        return found
+    return replace(found, input=None, moved=False, unused=(*found.unused, found.input.name))
 
 
 def _check_wishes(kind: str | None, rate: float | None, chosen: Mapping[str, str | None] | None) -> None:

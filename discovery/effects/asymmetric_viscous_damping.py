@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import Load
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import omega, rho, xi
 
 
@@ -20,7 +20,7 @@ class AsymmetricViscousDamping(Load):
     on = omega
     cite = "Dixon, The Shock Absorber Handbook (2007)"
     a_v = Parameter(
-        "1", "asymmetry of the viscous damping, a share of it", (-1.0, 1.0), Student(0.5),
+        "1", "asymmetry of the viscous damping, a share of it", (-1.0, 1.0), Normal(0.0, 0.5),
         starts=(0.1, -0.1, 0.5, -0.5), natural=True, latex="a_v",
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Sensor
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 
 
 class CameraOriginOffset(Sensor):
@@ -13,8 +13,8 @@ class CameraOriginOffset(Sensor):
 
     systems = frozenset({ARM})
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"
-    x_0 = Parameter("m", "camera origin along x", (-0.2, 0.2), Student(0.005), starts=(0.001,), latex="x_0")
-    y_0 = Parameter("m", "camera origin along y", (-0.2, 0.2), Student(0.005), starts=(0.001,), latex="y_0")
+    x_0 = Parameter("m", "camera origin along x", (-0.2, 0.2), Normal(0.0, 0.005), starts=(0.001,), latex="x_0")
+    y_0 = Parameter("m", "camera origin along y", (-0.2, 0.2), Normal(0.0, 0.005), starts=(0.001,), latex="y_0")
 
     def arm_reading(self, tip_x, tip_y):
         """Return the shifted position."""

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Load
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import delta, omega
 
 
@@ -18,7 +18,7 @@ class CentrifugalStiffening(Load):
     systems = frozenset({ARM})
     on = omega
     cite = "Meirovitch, Methods of Analytical Dynamics (1970), chapter 2; radius law of the elastica"
-    c_cen = Parameter("q^-2", "centrifugal stiffening", (-2.0, 2.0), Student(0.3), starts=(0.2, -0.2), latex="c_1")
+    c_cen = Parameter("q^-2", "centrifugal stiffening", (-2.0, 2.0), Normal(0.0, 0.3), starts=(0.2, -0.2), latex="c_1")
 
     def expression(self):
         """Return the force on theta_t."""

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Load
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import delta, delta_dot, omega
 
 
@@ -18,7 +18,7 @@ class CoriolisCoupling(Load):
     on = omega
     called = "Coriolis coupling"
     cite = "Meirovitch, Methods of Analytical Dynamics (1970), chapter 2; radius law of the elastica"
-    c_cor = Parameter("q^-2", "Coriolis coupling", (-3.0, 3.0), Student(0.5), starts=(-0.4, 0.4), latex="c_2")
+    c_cor = Parameter("q^-2", "Coriolis coupling", (-3.0, 3.0), Normal(0.0, 0.5), starts=(-0.4, 0.4), latex="c_2")
 
     def expression(self):
         """Return the force on theta_t."""

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Kinetic
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import omega, omega_m
 
 
@@ -16,7 +16,7 @@ class DistributedMass(Kinetic):
 
     systems = frozenset({ARM})
     cite = "Rayleigh, The Theory of Sound (1877), section 88"
-    A = Parameter("1", "inertial coupling of the rod", (-0.2, 0.3), Student(0.02), starts=(0.01,), latex="A")
+    A = Parameter("1", "inertial coupling of the rod", (-0.2, 0.3), Normal(0.0, 0.02), starts=(0.01,), latex="A")
 
     def expression(self):
         """Return T."""

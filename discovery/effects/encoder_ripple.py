@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import ARM, Drive
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import LogNormal, Student
+from discovery.declarations.priors import LogNormal, Normal
 from discovery.declarations.symbols import theta_m
 
 #: Cycles in one turn of the hub that the arm can follow.
@@ -25,8 +25,8 @@ class EncoderRipple(Drive):
     systems = frozenset({ARM})
     pliable = True
     cite = "Tuttle and Seering, IEEE Transactions on Robotics and Automation 12 (1996) 368"
-    r_s = Parameter("q", "sine amplitude of the ripple", (-0.2, 0.2), Student(0.01), starts=(0.001,), latex="r_s")
-    r_c = Parameter("q", "cosine amplitude of the ripple", (-0.2, 0.2), Student(0.01), starts=(0.001,), latex="r_c")
+    r_s = Parameter("q", "sine amplitude of the ripple", (-0.2, 0.2), Normal(0.0, 0.01), starts=(0.001,), latex="r_s")
+    r_c = Parameter("q", "cosine amplitude of the ripple", (-0.2, 0.2), Normal(0.0, 0.01), starts=(0.001,), latex="r_c")
     N_e = Parameter(
         "1", "cycles in one turn of the hub", (1.0, 300.0), LogNormal(8.0, 1.5), default=8.0, shape=True, latex="N",
         starts=(*[0.5 * k for k in range(2, 17)], *range(9, 33), *range(34, 61, 2), 70, 80, 100, 120, 150, 200),

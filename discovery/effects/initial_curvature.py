@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import Shape
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import arc
 
 
@@ -18,7 +18,7 @@ class InitialCurvature(Shape):
 
     cite = "Antman, Nonlinear Problems of Elasticity, 2nd edition (2005), chapter 4"
     kappa_0 = Parameter(
-        "q", "curvature of the unloaded rod, times its length", (-1.0, 1.0), Student(0.05),
+        "q", "curvature of the unloaded rod, times its length", (-1.0, 1.0), Normal(0.0, 0.05),
         starts=(0.01, -0.01), latex=r"\kappa_0",
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Drive
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import theta_m
 
 
@@ -18,7 +18,7 @@ class InputGain(Drive):
     systems = frozenset({ARM})
     cite = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration (1991)"
     k_h = Parameter(
-        "1", "relative error of the hub's scale", (-0.3, 0.3), Student(0.01), starts=(0.002, -0.002), latex="k_h"
+        "1", "relative error of the hub's scale", (-0.3, 0.3), Normal(0.0, 0.01), starts=(0.002, -0.002), latex="k_h"
     )
 
     def expression(self):

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Drive
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import theta_m
 
 
@@ -19,7 +19,9 @@ class InputOffset(Drive):
 
     systems = frozenset({ARM})
     cite = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration (1991)"
-    theta_h = Parameter("q", "zero of the hub", (-0.5, 0.5), Student(0.02), starts=(0.003, -0.003), latex=r"\theta_h")
+    theta_h = Parameter(
+        "q", "zero of the hub", (-0.5, 0.5), Normal(0.0, 0.02), starts=(0.003, -0.003), latex=r"\theta_h"
+    )
 
     def expression(self):
         """Return the angle of the hub."""

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import U_4, alpha
 
 
@@ -19,7 +19,7 @@ class MaterialNonlinearity(Potential):
     systems = frozenset({ARM})
     cite = "Lo and Gupta, Journal of Applied Mechanics 45 (1978) 213"
     b_3 = Parameter(
-        "q^-2", "cubic part of the bending moment", (-0.1, 1.0), Student(0.02),
+        "q^-2", "cubic part of the bending moment", (-0.1, 1.0), Normal(0.0, 0.02),
         starts=(0.003, -0.003, 0.03), latex="b_3",
     )  # fmt: skip
 

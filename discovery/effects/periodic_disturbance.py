@@ -5,7 +5,7 @@ import sympy as sp
 
 from discovery.declarations.effect import Load
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import LogNormal, Normal, Student
+from discovery.declarations.priors import LogNormal, Normal
 from discovery.declarations.symbols import t, v_x, v_y, x, y
 
 #: Share of the system's own frequency within which a force imitates a change of a free decay. Frequencies change by as
@@ -44,23 +44,23 @@ class PeriodicDisturbance(Load):
     cite = "forced vibration; Den Hartog, Mechanical Vibrations (1956), chapter 2"
     pliable = True
     a_s = Parameter(
-        "s^-2 q", "sine amplitude, of an arm along x", (-1.0, 1.0), Student(0.05), starts=(0.002,), latex="a_s"
+        "s^-2 q", "sine amplitude, of an arm along x", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_s"
     )
     a_c = Parameter(
-        "s^-2 q", "cosine amplitude, of an arm along x", (-1.0, 1.0), Student(0.05), starts=(0.002,), latex="a_c"
+        "s^-2 q", "cosine amplitude, of an arm along x", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), latex="a_c"
     )
     b_s = Parameter(
-        "s^-2 q", "sine amplitude along y", (-1.0, 1.0), Student(0.05), starts=(0.002,), planar=True, latex="b_s"
+        "s^-2 q", "sine amplitude along y", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True, latex="b_s"
     )
     b_c = Parameter(
-        "s^-2 q", "cosine amplitude along y", (-1.0, 1.0), Student(0.05), starts=(0.002,), planar=True, latex="b_c"
+        "s^-2 q", "cosine amplitude along y", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True, latex="b_c"
     )
     n_s = Parameter(
-        "s^-2 q", "sine amplitude across the arm", (-1.0, 1.0), Student(0.05), starts=(0.002,), planar=True,
+        "s^-2 q", "sine amplitude across the arm", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True,
         latex="n_s",
     )  # fmt: skip
     n_c = Parameter(
-        "s^-2 q", "cosine amplitude across the arm", (-1.0, 1.0), Student(0.05), starts=(0.002,), planar=True,
+        "s^-2 q", "cosine amplitude across the arm", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.002,), planar=True,
         latex="n_c",
     )  # fmt: skip
     Omega = Parameter(

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import OSCILLATOR, Sensor
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 
 
 class Perspective(Sensor):
@@ -20,7 +20,7 @@ class Perspective(Sensor):
         "q^-1",
         "relative change of scale per reading",
         (-0.6, 0.6),
-        Student(0.05),
+        Normal(0.0, 0.05),
         starts=(0.005, -0.005),
         latex="p",
     )

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import Sensor
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 
 
 class PositionScale(Sensor):
@@ -13,7 +13,7 @@ class PositionScale(Sensor):
 
     cite = "Hartley and Zisserman, Multiple View Geometry (2004), section 2.4"
     stands_for = "length"
-    s = Parameter("1", "relative scale error", (-0.3, 0.3), Student(0.01), starts=(0.002, -0.002), latex="s")
+    s = Parameter("1", "relative scale error", (-0.3, 0.3), Normal(0.0, 0.01), starts=(0.002, -0.002), latex="s")
 
     def arm_reading(self, tip_x, tip_y):
         """Return the scaled position."""

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Load
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import alpha_m, delta, delta_dot, omega
 
 
@@ -19,7 +19,7 @@ class RadialInertia(Load):
     on = omega
     cite = "Meirovitch, Methods of Analytical Dynamics (1970), chapter 2; radius law of the elastica"
     c_rad = Parameter(
-        "q^-2", "inertia of the radial motion", (-2.0, 2.0), Student(0.3), starts=(0.04, -0.2), latex="c_3"
+        "q^-2", "inertia of the radial motion", (-2.0, 2.0), Normal(0.0, 0.3), starts=(0.04, -0.2), latex="c_3"
     )
 
     def expression(self):

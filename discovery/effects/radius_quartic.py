@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Closure
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import delta
 
 
@@ -18,7 +18,7 @@ class RadiusQuartic(Closure):
     systems = frozenset({ARM})
     cite = "series of the elastica, see docs/MECHANICS.md; source paper, equation (16), for the cosine"
     r_4 = Parameter(
-        "q^-4", "quartic term of the radius", (-0.2, 0.2), Student(0.02), starts=(0.003, -0.003), latex="r_4"
+        "q^-4", "quartic term of the radius", (-0.2, 0.2), Normal(0.0, 0.02), starts=(0.003, -0.003), latex="r_4"
     )
 
     def expression(self):

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Closure
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import alpha, delta, omega
 
 
@@ -21,7 +21,7 @@ class RadiusTension(Closure):
         "q^-4",
         "lengthening of the radius under tension",
         (-0.5, 0.5),
-        Student(0.05),
+        Normal(0.0, 0.05),
         starts=(0.01, -0.01),
         latex="r_T",
     )

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import U, alpha, t
 
 
@@ -17,7 +17,7 @@ class StiffnessDrift(Potential):
         "s^-1",
         "relative stiffness drift",
         (-0.05, 0.05),
-        Student(0.002),
+        Normal(0.0, 0.002),
         starts=(3e-5, -3e-5, 3e-4, -3e-4),
         latex="r",
     )

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import ARM, Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Student
+from discovery.declarations.priors import Normal
 from discovery.declarations.symbols import length, x_g, y_g
 
 #: Standard gravity [m s^-2].
@@ -21,10 +21,10 @@ class TableTilt(Potential):
     systems = frozenset({ARM})
     cite = "statics of a point mass on an inclined plane"
     phi_x = Parameter(
-        "rad", "downhill slope along x", (-0.1, 0.1), Student(0.01), starts=(0.001, -0.001), latex=r"\phi_x"
+        "rad", "downhill slope along x", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001, -0.001), latex=r"\phi_x"
     )
     phi_y = Parameter(
-        "rad", "downhill slope along y", (-0.1, 0.1), Student(0.01), starts=(0.001, -0.001), latex=r"\phi_y"
+        "rad", "downhill slope along y", (-0.1, 0.1), Normal(0.0, 0.01), starts=(0.001, -0.001), latex=r"\phi_y"
     )
 
     def expression(self):

@@ -6,7 +6,7 @@ import sympy as sp
 
 from discovery.declarations.effect import Sensor
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Flat, LogNormal, Student
+from discovery.declarations.priors import Flat, LogNormal, Normal
 from discovery.declarations.symbols import t
 
 #: Least squares of a sharp sawtooth on the smooth one: Li_2(0.99) / Li_2(0.99^2).
@@ -28,9 +28,9 @@ class TimeBaseError(Sensor):
 
     cite = "Allan, IEEE Trans. Ultrason. 34 (1987) 647; Mills, Computer Network Time Synchronization (2011), chapter 2"
     d_t = Parameter(
-        "1", "drift of the clock", (-0.05, 0.05), Student(0.002), starts=(1e-4, -1e-4, 1e-3, -1e-3), latex="d_t"
+        "1", "drift of the clock", (-0.05, 0.05), Normal(0.0, 0.002), starts=(1e-4, -1e-4, 1e-3, -1e-3), latex="d_t"
     )
-    j_t = Parameter("s", "height of the sawtooth", (-0.5, 0.5), Student(0.03), starts=(0.003, -0.003), latex="j")
+    j_t = Parameter("s", "height of the sawtooth", (-0.5, 0.5), Normal(0.0, 0.03), starts=(0.003, -0.003), latex="j")
     Omega_j = Parameter(
         "s^-1", "angular frequency of the sawtooth", (1.2, 60.0), LogNormal(6.0, 0.7), default=4.0, shape=True,
         starts=(*(1.3 + 0.1 * k for k in range(17)), *(3.0 + 0.15 * k for k in range(61))), latex=r"\Omega_j",

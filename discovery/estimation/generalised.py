@@ -39,13 +39,14 @@ def generalised(
 
 
 def _in_noise(problem: Problem, minimum: Minimum) -> Minimum:
-    """Return a minimum with its residual in noise sds; the Jacobian stays white."""
+    """Return a minimum with its residual in noise sds, less what is believed of sizes; the Jacobian stays white."""
     if not np.isfinite(minimum.cost):
         return minimum
     x = minimum.x[:, None]
     data = problem.bench.residuals(*problem.expand(x))[:, 0]
     residual = np.append(data, problem.prior_residuals(x)[:, 0])
-    return replace(minimum, residual=residual, cost=0.5 * float(residual @ residual))
+    cost, jacobian = 0.5 * float(residual @ residual), minimum.jacobian[: residual.size]
+    return replace(minimum, residual=residual, cost=cost, jacobian=jacobian)
 
 
 def fitted_to_all(found: Fit, error: float, bench: Bench) -> Fit:

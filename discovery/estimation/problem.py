@@ -21,6 +21,8 @@ from discovery.recordings.experiment import Experiment
 
 #: Part of its range within which a value lies at an edge.
 _EDGE = 1e-3
+#: Standard deviations by which a fit may leave what the rig file states.
+STATED = 3.0
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15
 
@@ -122,6 +124,12 @@ class Problem:
         return (*(known[n] for n in self.free), *(Normal(0.0, state.width) for state in self.states))
 
     @cached_property
+    def _usual(self) -> list[tuple[int, Prior]]:
+        """Free parameters, by place, of which the catalogue has a Gaussian prior."""
+        ours = ((i, self.priors[i]) for i, n in enumerate(self.free) if n not in self.gaussian)
+        return [(i, prior) for i, prior in ours if np.isfinite(prior.centre)]
+
+    @cached_property
     def scale(self) -> FloatArray:
         """Typical size of every free number."""
         sizes = [prior.width for prior in self.priors[: len(self.free)]]
@@ -136,7 +144,7 @@ class Problem:
             least, most = (bound * self.units.scale(parameter) for bound in parameter.bounds)
             if name in self.gaussian:
                 mean, sd = self.gaussian[name]
-                least, most = max(least, mean - 3 * sd), min(most, mean + 3 * sd)
+                least, most = max(least, mean - STATED * sd), min(most, mean + STATED * sd)
             lower.append(least)
             upper.append(most)
         unbounded = np.full(len(self.states), np.inf)
@@ -217,9 +225,14 @@ class Problem:
         return [c[:, :, 0] for c in self.bench.predict(*self.expand(x[:, None]))]
 
     def prior_residuals(self, x: FloatArray) -> FloatArray:
-        """Return (value - mean)/sd of what is known within an uncertainty, shape (g, k)."""
+        """Return (value - mean)/sd of what is known within an uncertainty, shape (g, k).
+
+        Under a model error what the catalogue believes of sizes follows: the estimate is where the evidence is taken.
+        """
         rows = [(x[self.free.index(n)] - m) / sd for n, (m, sd) in self.gaussian.items() if n in self.free]
         rows += [x[i] / state.width for i, state in enumerate(self.states, len(self.free)) if state.believed]
+        if self.error is not None:
+            rows += [(x[i] - p.centre) / p.width for i, p in self._usual]
         return np.array(rows).reshape(len(rows), x.shape[1])
 
 

@@ -186,6 +186,11 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         "faster motions"
     ),
     "strayed": _strayed,
+    "stated_edge": lambda found: (
+        f"{_value(found)} ends {figures(abs(found['numbers']['sds']), 2)} standard deviations from what the rig file "
+        f"states, {_estimate(found, 'stated')}, as far as it may: measure it again, or state what it may err by; what "
+        "the model lacks may have pushed it there, and added effects may make up for it"
+    ),
     "combined": lambda found: (
         f"the recordings tell {listed([found['about'], *found['numbers']['others']])} together only: each may have "
         f"another size, and the rest makes up for it. State the `value` of {found['about']}"

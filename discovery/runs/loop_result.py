@@ -207,6 +207,8 @@ class LoopResult(LoopViews):
         found.append(None if self.impossible else caution.unfinished(self.after))
         found += [*edges.combined(self.after), edges.held_sign(self.before, self.after), edges.far_start(self.after)]
         found.append(edges.gain_untold(self.before, self.after))
+        if not self.impossible and not self.contradiction.contradictions:
+            found += edges.stated_edges(self.after)
         if self.added:
             found.append(caution.not_carried(self.errors))
         if not self.complete and not self.impossible:
