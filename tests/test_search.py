@@ -22,7 +22,7 @@ from discovery.recordings.experiment import Experiment
 from discovery.report.sentences import decision_sentence
 from discovery.runs.lead import leads
 from discovery.runs.loop import _searching
-from discovery.screening.refits import finish, settle
+from discovery.screening.refits import Refit, finish, settle
 from discovery.selection.contender import Contender, contenders
 from discovery.selection.context import Context
 from discovery.selection.decision import Decision
@@ -755,7 +755,7 @@ def test_what_predicts_worse_than_nothing_in_its_place_is_no_rival(monkeypatch: 
     evidence = as_likely.evidence
     # What it gains in training it loses held out.
     moved = dataclasses.replace(
-        evidence, train=evidence.train + 300.0, held=evidence.held - 300.0, ahead=evidence.ahead - 300.0
+        evidence, train=evidence.train + 2e3, held=evidence.held - 2e3, ahead=evidence.ahead - 2e3
     )
     misses = dataclasses.replace(as_likely, evidence=moved)
     assert misses.joint == pytest.approx(as_likely.joint)
@@ -764,3 +764,15 @@ def test_what_predicts_worse_than_nothing_in_its_place_is_no_rival(monkeypatch: 
         (found,) = named(search)
         assert (found.effect, found.group) == (effect, group)
         assert (found.probability > 0.9) == (not group)
+
+
+@pytest.mark.parametrize("effect", ["position_scale", "zero_drift", "stiffness_drift"])
+def test_an_estimate_ends_where_its_evidence_is_taken(effect: str) -> None:
+    """What the catalogue believes of a size holds it in the last fit as in the evidence, or one is told, one scored."""
+    search = begun(context(beta=2.0, f_c=0.05))
+    fitted = search.context.fit(search.root.model.with_effect(effect), search.root.refit.values, {})
+    (found,) = contenders(search.context, [((effect,), Refit(effect, fitted.problem, fitted.minimum))])
+    assert found.evidence.error > 4.0
+    evidence = settled(found, search.context).evidence
+    sd = np.sqrt(np.diag(evidence.covariance)[: evidence.step.size])
+    assert np.abs(evidence.step / sd).max() < 0.02
