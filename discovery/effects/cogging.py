@@ -5,7 +5,7 @@ import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, ROTOR, Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import LogNormal, Normal
+from discovery.declarations.priors import LogNormal, Student
 from discovery.declarations.symbols import delta
 
 #: Periods in the angle that is travelled below which the torque imitates springs and gravity.
@@ -30,11 +30,9 @@ class Cogging(Potential):
     needs = ROTOR
     cite = "Hanselman, Brushless Permanent Magnet Motor Design (2006), chapter 4"
     n_a = Parameter(
-        "s^-2 q", "cosine amplitude of the cogging", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.01,), latex="n_a"
+        "s^-2 q", "cosine amplitude of the cogging", (-1.0, 1.0), Student(0.05), starts=(0.01,), latex="n_a"
     )
-    n_b = Parameter(
-        "s^-2 q", "sine amplitude of the cogging", (-1.0, 1.0), Normal(0.0, 0.05), starts=(0.01,), latex="n_b"
-    )
+    n_b = Parameter("s^-2 q", "sine amplitude of the cogging", (-1.0, 1.0), Student(0.05), starts=(0.01,), latex="n_b")
     N_c = Parameter(
         "1", "periods in one turn", (1.5, 500.0), LogNormal(24.0, 1.0), default=24.0, shape=True, latex="N_c",
         starts=tuple(np.arange(2.0, 97.0)),

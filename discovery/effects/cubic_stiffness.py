@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.declarations.symbols import delta
 
 
@@ -15,9 +15,7 @@ class CubicStiffness(Potential):
     """
 
     cite = "source paper, equation (15); Duffing (1918)"
-    beta = Parameter(
-        "s^-2 q^-2", "cubic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.1, -0.1), latex=r"\beta"
-    )
+    beta = Parameter("s^-2 q^-2", "cubic stiffness", (-30.0, 30.0), Student(2.0), starts=(0.1, -0.1), latex=r"\beta")
 
     def expression(self):
         """Return V."""

@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.declarations.symbols import alpha, delta
 
 
@@ -13,9 +13,7 @@ class EquilibriumOffset(Potential):
     """
 
     cite = "a constant generalised force; Nayfeh and Mook, Nonlinear Oscillations (1979), section 2.1"
-    delta_0 = Parameter(
-        "q", "rest deflection", (-0.5, 0.5), Normal(0.0, 0.05), starts=(0.003, -0.003), latex=r"\delta_0"
-    )
+    delta_0 = Parameter("q", "rest deflection", (-0.5, 0.5), Student(0.05), starts=(0.003, -0.003), latex=r"\delta_0")
 
     def expression(self):
         """Return V."""

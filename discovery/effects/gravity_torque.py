@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.declarations.symbols import theta
 
 
@@ -27,7 +27,7 @@ class GravityTorque(Potential):
         "s^-2 q",
         "gravity torque across the zero of the angle",
         (-3e3, 3e3),
-        Normal(0.0, 2.0),
+        Student(2.0),
         starts=(0.1, -0.1),
         latex="g_c",
     )
@@ -35,7 +35,7 @@ class GravityTorque(Potential):
         "s^-2 q",
         "gravity torque along the zero of the angle",
         (-3e3, 3e3),
-        Normal(0.0, 2.0),
+        Student(2.0),
         starts=(0.1, -0.1),
         latex="g_s",
     )

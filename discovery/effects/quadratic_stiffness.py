@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.declarations.symbols import delta
 
 
@@ -13,9 +13,7 @@ class QuadraticStiffness(Potential):
     """
 
     cite = "Nayfeh and Mook, Nonlinear Oscillations (1979), section 2.1"
-    k_2 = Parameter(
-        "s^-2 q^-1", "quadratic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.03, -0.03), latex="k_2"
-    )
+    k_2 = Parameter("s^-2 q^-1", "quadratic stiffness", (-30.0, 30.0), Student(2.0), starts=(0.03, -0.03), latex="k_2")
 
     def expression(self):
         """Return V."""

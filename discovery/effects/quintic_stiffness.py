@@ -2,7 +2,7 @@
 
 from discovery.declarations.effect import Potential
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.declarations.symbols import delta
 
 
@@ -13,9 +13,7 @@ class QuinticStiffness(Potential):
     """
 
     cite = "Nayfeh and Mook, Nonlinear Oscillations (1979), section 2.1"
-    k_5 = Parameter(
-        "s^-2 q^-4", "quintic stiffness", (-30.0, 30.0), Normal(0.0, 2.0), starts=(0.05, -0.05), latex="k_5"
-    )
+    k_5 = Parameter("s^-2 q^-4", "quintic stiffness", (-30.0, 30.0), Student(2.0), starts=(0.05, -0.05), latex="k_5")
 
     def expression(self):
         """Return V."""

@@ -5,7 +5,7 @@ import sympy as sp
 
 from discovery.declarations.effect import Mode
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import LogNormal, Normal
+from discovery.declarations.priors import LogNormal, Student
 from discovery.declarations.symbols import push
 
 _Z, _RATE = sp.symbols("z_2 zd_2", real=True)
@@ -23,7 +23,7 @@ class SecondMode(Mode):
     """
 
     cite = "Meirovitch, Fundamentals of Vibrations (2001), section 7.6; Gawronski, Advanced Structural Dynamics (2004)"
-    g_2 = Parameter("1", "participation over that of the first mode", (-1e3, 1e3), Normal(0.0, 3.0), starts=(0.01,))
+    g_2 = Parameter("1", "participation over that of the first mode", (-1e3, 1e3), Student(3.0), starts=(0.01,))
     omega_2 = Parameter(
         "s^-1", "angular frequency of the second mode", (0.02, 1e3), LogNormal(3.0, 1.5), default=3.0, shape=True,
         starts=(0.15, 0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0, 12.0, 18.0),

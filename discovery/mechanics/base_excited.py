@@ -9,7 +9,7 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import SHAKEN
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.mechanics.base import Channel
 from discovery.mechanics.one_coordinate import OneCoordinate
 from discovery.mechanics.rod import STRAIGHT
@@ -27,9 +27,7 @@ class BaseExcited(OneCoordinate):
     input_moves = True
     has = frozenset({SHAKEN})
 
-    p = Parameter(
-        "1", "participation of the base's motion", (-100.0, 100.0), Normal(1.0, 3.0), default=1.0, starts=(1.0,)
-    )
+    p = Parameter("1", "participation of the base's motion", (-100.0, 100.0), Student(3.0), default=1.0, starts=(1.0,))
 
     @property
     def fixed_frame(self):

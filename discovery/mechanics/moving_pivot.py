@@ -6,7 +6,7 @@ import sympy as sp
 
 from discovery.declarations import symbols as s
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.mechanics.one_coordinate import OneCoordinate
 
 
@@ -22,9 +22,7 @@ class MovingPivot(OneCoordinate):
     input_moves = True
     pivots = True
 
-    p = Parameter(
-        "q m^-1", "turn per shift of the pivot", (-1e3, 1e3), Normal(0.0, 10.0), default=1.0, starts=(1.0, -1.0)
-    )
+    p = Parameter("q m^-1", "turn per shift of the pivot", (-1e3, 1e3), Student(10.0), default=1.0, starts=(1.0, -1.0))
 
     def pull(self):
         """Return -p cos(q) u''."""

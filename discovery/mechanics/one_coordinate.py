@@ -10,7 +10,7 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import OSCILLATOR
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.mechanics.base import Base, Channel, Mechanics
 from discovery.mechanics.lagrangian import lagrangian_mechanics
 from discovery.mechanics.rod import STRAIGHT
@@ -98,7 +98,7 @@ class ForceDriven(OneCoordinate):
 
     gain = "g"
 
-    g = Parameter("s^-2 q", "acceleration per unit of input", (-1e4, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
+    g = Parameter("s^-2 q", "acceleration per unit of input", (-1e4, 1e4), Student(10.0), starts=(1.0,), latex="g")
 
     @property
     def adrift(self) -> bool:

@@ -7,7 +7,7 @@ import sympy as sp
 from discovery.declarations import symbols as s
 from discovery.declarations.effect import ROTOR
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Normal, Student
 from discovery.mechanics.one_coordinate import OneCoordinate
 
 
@@ -26,7 +26,7 @@ class Servo(OneCoordinate):
     gain = "g"
     provides = frozenset()
 
-    g = Parameter("s^-2 q", "acceleration per unit of command", (0.0, 1e4), Normal(0.0, 10.0), starts=(1.0,), latex="g")
+    g = Parameter("s^-2 q", "acceleration per unit of command", (0.0, 1e4), Student(10.0), starts=(1.0,), latex="g")
     k_p = Parameter("s^-1", "position gain", (0.0, 1e6), Normal(0.0, 1e3), default=1.0, fixed=True, latex="k_p")
     k_v = Parameter("q^-1 s", "velocity gain", (0.0, 1e6), Normal(0.0, 1e3), default=1.0, fixed=True, latex="k_v")
     c_max = Parameter(
