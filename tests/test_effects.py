@@ -247,3 +247,12 @@ def test_without_one_amplitude_an_effect_is_the_simpler_law_that_it_reduces_to(e
     assert np.abs(expected - moved("")).max() > 1e-3
     amplitudes = [p.name for p in catalogue()[effect].fitted(system) if not p.shape]
     assert min(np.abs(moved(a) - expected).max() for a in amplitudes) < 1e-12
+
+
+@pytest.mark.parametrize("base", base_names())
+def test_a_gain_may_be_of_any_size(base: str) -> None:
+    """A Gaussian prior holds the last fit: a gain, whose unit anyone may choose, it would pull off its data."""
+    model = Model(base, ())
+    for name in model.free:
+        prior = model.parameters[name].prior
+        assert float(prior.log_density(prior.width) - prior.log_density(30 * prior.width)) < 16.0, name
