@@ -25,7 +25,7 @@ from driven_oscillator import (
 from folded import folded_t
 from scipy import special, stats
 
-from discovery.declarations.priors import Flat, HalfStudent, LogNormal, Normal
+from discovery.declarations.priors import Flat, HalfStudent, LogNormal, Normal, Student
 from discovery.equations.model import Model
 from discovery.estimation.declared import declared_model
 from discovery.estimation.fit import fit
@@ -113,8 +113,12 @@ def linear():
 
 
 def integrated(fitted):
-    """Log evidence of the linear problem: in closed form but for the noise, over which quadrature goes."""
-    units = fitted.problem.units
+    """Log evidence of the linear problem: in closed form but for the noise, over which quadrature goes.
+
+    It is that of a Gaussian prior of the gain, which Student's t replaces: both are flat on the scale of the posterior.
+    """
+    units, gain = fitted.problem.units, fitted.minimum.x[0]
+    assert fitted.problem.free == ("g",)
     spread = [
         10 * units.scale(fitted.model.parameters["g"]),
         units.coordinate,
@@ -131,7 +135,8 @@ def integrated(fitted):
 
     grid = np.linspace(-0.4, 0.4, 161)
     values = np.array([log_density(v) for v in grid])
-    return special.logsumexp(values) + math.log(grid[1] - grid[0])
+    tail = stats.t(3, scale=spread[0]).logpdf(gain) - stats.norm(0.0, spread[0]).logpdf(gain)
+    return special.logsumexp(values) + math.log(grid[1] - grid[0]) + tail
 
 
 def test_evidence_is_that_of_quadrature(linear):
@@ -184,6 +189,7 @@ def test_priors_count_within_their_bounds_only(linear):
     target = log_posterior(free)
     laws = {
         Normal: lambda p: stats.norm(p.mean, p.sd),
+        Student: lambda p: stats.t(3, scale=p.scale),
         HalfStudent: lambda p: folded_t(p.scale),
         LogNormal: lambda p: stats.lognorm(p.log_sd, scale=p.median),
     }
