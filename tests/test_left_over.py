@@ -45,7 +45,7 @@ def test_a_jump_of_readings_is_told_with_its_place() -> None:
     assert (found.code, found.effect) == ("burst", "")
     first, last = bench.TIME[place], bench.TIME[place + COUNT // 50]
     assert first - 0.1 < found.numbers["start"] < found.numbers["stop"] < last + 0.1
-    assert f"half of what is left of {found.about} lies between" in caution_sentence(found.summary())
+    assert f"nine tenths of what is left of {found.about} lies between" in caution_sentence(found.summary())
     assert "was it pushed there" in caution_sentence(found.summary())
     reading = replace(found, numbers={**found.numbers, "start": 0.0, "stop": 0.0})
     assert "lies at 0 s" in caution_sentence(reading.summary())
@@ -198,7 +198,8 @@ def test_scatter_is_told_once() -> None:
         rms = {"train": {"rms": train}, "holdout": {"rms": held}, f"holdout_{where}": {"rms": held}}
         recording = SimpleNamespace(noise_floor=lambda used: 1.0, noise_estimated=not known)
         errors = {"unit": "m", "noise_floor": 1.0, "holdout_scatter": 9.0, "after": rms}
-        plain = {"errors": errors, "complete": True, "impossible": True}
+        plain = {"errors": errors, "complete": True, "impossible": True, "steps": ()}
+        plain["contradiction"] = SimpleNamespace(contradictions=())
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
         result: Any = SimpleNamespace(before=after, after=after, added=(), model_error=error, **{**plain, **more})
         result._left = lambda *, trained: left

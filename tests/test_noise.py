@@ -160,7 +160,7 @@ def test_log_posterior_is_prior_times_likelihood(gapped, noise):
     ]
     assert target.log_likelihood(vectors) == pytest.approx(likelihood, abs=2e-3)
     natural = gapped.problem.units
-    prior = stats.norm.logpdf(vectors[:, 0], 0, 10 * natural.scale(gapped.model.parameters["g"]))
+    prior = stats.t(3, scale=10 * natural.scale(gapped.model.parameters["g"])).logpdf(vectors[:, 0])
     prior += stats.norm.logpdf(vectors[:, 1], 0, natural.coordinate)
     prior += stats.norm.logpdf(vectors[:, 2], 0, natural.coordinate / natural.time)
     prior += NOISE_PRIOR.log_density(vectors[:, 3])

@@ -108,7 +108,7 @@ def test_log_probability_is_prior_times_likelihood(linear, drawn):
     assert drawn.log_likelihood[1, 3] == pytest.approx(likelihood, abs=1e-3)
     natural = linear.problem.units
     gain_unit = natural.scale(linear.model.parameters["g"])
-    prior = stats.norm.logpdf(values[:, 0], 0, 10 * gain_unit)
+    prior = stats.t(3, scale=10 * gain_unit).logpdf(values[:, 0])
     prior += stats.norm.logpdf(values[:, 1], 0, natural.coordinate)
     prior += stats.norm.logpdf(values[:, 2], 0, natural.coordinate / natural.time)
     prior += NOISE_PRIOR.log_density(np.log(values[:, 3] / NOISE))
@@ -391,7 +391,7 @@ def test_netcdf_is_inference_data(drawn, linear, tmp_path):
 def test_prior_draws_follow_the_declared_priors(linear, drawn):
     assert drawn.prior.keys() == set(drawn.names)
     gain_unit = linear.problem.units.scale(linear.model.parameters["g"])
-    assert stats.kstest(drawn.prior["g"], stats.norm(0, 10 * gain_unit).cdf).pvalue > 1e-3
+    assert stats.kstest(drawn.prior["g"], stats.t(3, scale=10 * gain_unit).cdf).pvalue > 1e-3
     assert stats.kstest(np.log(drawn.prior["sigma"] / NOISE), stats.norm(0, NOISE_PRIOR.sd).cdf).pvalue > 1e-3
 
 

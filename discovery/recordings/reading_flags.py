@@ -55,10 +55,10 @@ def time_flags(time: FloatArray, column: TimeColumn, *, marks: bool = False) -> 
         kind = "come in bursts" if steps.mean() > _BURSTS * step else "are uneven"
         between = {"shortest": float(steps.min()), "longest": float(steps.max())}
         flags.append(Flag("times_irregular", numbers={"kind": kind, **between}))
-    if not _FAST < step <= _SLOW:
+    if not _FAST < step < _SLOW:
         # A log of a reading a second is usual; nothing mechanical is read every nanosecond.
         by = f" by their unit, {column.unit}" if column.rate is None else ""
-        flags.append(Flag("times_long" if step > _SLOW else "times_short", numbers={"step": step, "by": by}))
+        flags.append(Flag("times_long" if step >= _SLOW else "times_short", numbers={"step": step, "by": by}))
     return flags
 
 
