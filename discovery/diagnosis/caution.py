@@ -15,6 +15,7 @@ import numpy as np
 from discovery.declarations.effect import Sensor
 from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
+from discovery.estimation.problem import STATED
 from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
@@ -42,8 +43,6 @@ _ALIKE = 1.5
 #: An error that falls in training falls as well held out, by this share of its logarithm at least; chance, as that of
 #: the fitted starts, moves a held-out one by this factor.
 _CARRIED, _CHANCE = 0.25, 1.05
-#: A rig file may err by so many of its standard deviations.
-_CREDIBLE = 3.0
 
 
 @dataclass(frozen=True)
@@ -268,7 +267,7 @@ class StandIn:
     @property
     def doubtful(self) -> bool:
         """Whether the rig file may err by as much: it would contradict nothing."""
-        return abs(self.z) <= _CREDIBLE
+        return abs(self.z) <= STATED
 
     def summary(self) -> dict[str, Any]:
         """Return a JSON-ready description."""

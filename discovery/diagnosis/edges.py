@@ -38,13 +38,12 @@ def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
 
 def stated_edges(fitted: Fit) -> list[Caution]:
     """Return what the rig file states within an uncertainty and the fit ends as far away as it may."""
-    problem, found = fitted.problem, []
-    for name, value in zip(problem.free, fitted.minimum.x.tolist(), strict=False):
-        mean, sd = problem.gaussian.get(name, (value, 1.0))
-        if abs(value - mean) > (1.0 - _AT_END) * STATED * sd:
-            told = fitted.values[name] / value
-            numbers = {"value": fitted.values[name], "unit": fitted.told(name)["unit"], "sds": (value - mean) / sd}
-            found.append(Caution("stated_edge", name, numbers={**numbers, "stated": told * mean, "sd": told * sd}))
+    found, known = [], {n: given for n, given in fitted.problem.gaussian.items() if n in fitted.values}
+    for name, (stated, sd) in known.items():
+        told = fitted.told(name)
+        if abs(sds := (told["value"] - stated) / sd) > (1.0 - _AT_END) * STATED:
+            numbers = {"value": told["value"], "unit": told["unit"], "sds": sds, "stated": stated, "sd": sd}
+            found.append(Caution("stated_edge", name, numbers=numbers))
     return found
 
 

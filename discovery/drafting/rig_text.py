@@ -101,9 +101,9 @@ def drafted(
         lines = _arm(path)
     else:
         found, *others = find_signals([*fitted, *held], rate=rate, chosen=chosen)
-        if kind is not None and KINDS[kind].needs_input is False and (chosen or {}).get("input") is None:
-            found, *others = (_free(each) for each in (found, *others))
         guess = guess_kind([found, *others]) if kind is None else Guess(kind, "")
+        if KINDS[guess.kind].needs_input is False and (chosen or {}).get("input") is None:
+            found, *others = (_free(each) for each in (found, *others))
         _check(found, guess)
         if KINDS[guess.kind].unit == "rad" and found.output.guessed and found.output.unit == "1":
             found = replace(found, output=replace(found.output, unit=angle_unit(found.output.values)))

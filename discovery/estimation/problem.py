@@ -21,7 +21,7 @@ from discovery.recordings.experiment import Experiment
 
 #: Part of its range within which a value lies at an edge.
 _EDGE = 1e-3
-#: Standard deviations by which a fit may leave what the rig file states.
+#: Standard deviations by which a rig file may err, and a fit leave what it states.
 STATED = 3.0
 #: Rod mass over tip mass where the rig does not state it, with as large a standard deviation.
 LIGHT_ROD = 0.15

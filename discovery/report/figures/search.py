@@ -65,7 +65,7 @@ def nats_axis(axes: Axes, values: Iterable[float | None]) -> None:
     if high > _LARGE:
         axes.set_xscale("symlog", linthresh=10.0, linscale=0.7)
         decades = [10.0**k for k in range(1, int(np.ceil(np.log10(high))) + 1)]
-        # Of less than two decades thirds stand between: the bars end there.
+        # Where the second decade is cut, a tick within it says how far the bars reach.
         between = [3 * d for d in decades if 3 * d < 1.5 * high] if len(decades) <= 2 else []
         ticks = [*([-10.0] if low < 0 else []), 0.0, *decades[:: 1 + len(decades) // 5], *between]
         axes.xaxis.set_major_locator(FixedLocator(ticks))
@@ -158,13 +158,13 @@ def _picture(search: Search, position: int, figure: Figure, count: int, *, end: 
     beside = f" beside {listed(map(effect_name, search.beside))}" if search.beside else ""
     taken = f"{listed(map(effect_name, search.taken))}{end}" if search.taken else "nothing"
     who = f"the {count} most likely candidates gain" if count > 1 else "the only candidate gains"
-    arrows = " Arrows: losses beyond the axis." if beyond else ""
-    arrows = f" Beyond 10 nats the axis is logarithmic.{arrows}" if figure.axes[0].get_xscale() == "symlog" else arrows
+    notes = " Beyond 10 nats the axis is logarithmic." if figure.axes[0].get_xscale() == "symlog" else ""
+    notes += " Arrows: losses beyond the axis." if beyond else ""
     best = listed(map(effect_name, search.candidates[0]["effects"]))
     return Picture(
         f"ranking_{position}",
         figure,
-        f"Search {position}{beside}: log evidence that {who}, once everything is refitted.{arrows} Added: {taken}.",
+        f"Search {position}{beside}: log evidence that {who}, once everything is refitted.{notes} Added: {taken}.",
         f"Bars of the log evidence that each candidate gains, in training and held out; {best} is the most likely. "
         f"Added: {taken}.",
     )
