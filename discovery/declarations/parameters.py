@@ -42,6 +42,9 @@ class Parameter:
     own : bool
         True when every recording has its own value, such as a phase, fitted beside its initial state. The default is
         that of the first recording, from which the others are counted. It is `fixed` as well.
+    begins : str
+        The state of a drive whose value it is when a recording begins: every recording has its own, the first one too. It
+        begins at the first input, or at rest at zero. It is `fixed` as well.
     natural : bool
         True where physics ends at the bounds, not a range: a value there is one like others.
     latex : str
@@ -79,6 +82,7 @@ class Parameter:
     fixed: bool = False
     planar: bool = False
     own: bool = False
+    begins: str = ""
     natural: bool = False
     latex: str = ""
     name: str = ""

@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import OSCILLATOR, Drive
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import HalfStudent
+from discovery.declarations.priors import HalfStudent, Normal
 from discovery.declarations.symbols import LEAST, u
 
 _ARRIVED = sp.Symbol("u_l", real=True)
@@ -15,10 +15,10 @@ class InputLag(Drive):
 
     .. math:: u \to u_l,\qquad \tau_u\, \dot u_l = u - u_l
 
-    The current of a coil behind its voltage (L/R), the thrust of a fan that spins up, a valve, a heater. Nothing has
-    arrived when a recording starts: begin it before the input does. A lag much shorter than the motion looks like the
-    `sensor_delay` of an instrument; a swing that no input drives tells them apart. It is offered where the input is a
-    force or a voltage, not a motion.
+    The current of a coil behind its voltage (L/R), the thrust of a fan that spins up, a valve, a heater. What had
+    arrived when a recording starts, u_1, is fitted with its start; of one that begins `at_rest` nothing had. A lag much
+    shorter than the motion looks like the `sensor_delay` of an instrument; a swing that no input drives tells them
+    apart. It is offered where the input is a force or a voltage, not a motion.
     """
 
     systems = frozenset({OSCILLATOR})
@@ -27,6 +27,9 @@ class InputLag(Drive):
         "s", "time constant of the input", (0.0, 100.0), HalfStudent(0.3), starts=(0.02, 0.1, 0.4, 1.5, 6.0),
         latex=r"\tau_u",
     )  # fmt: skip
+    u_1 = Parameter(
+        "u", "what had arrived when a recording began", prior=Normal(0.0, 1.0), fixed=True, begins=_ARRIVED.name
+    )
 
     def states(self):
         """Return what has arrived with its rate."""

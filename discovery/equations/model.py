@@ -108,6 +108,11 @@ class Model:
         return found
 
     @cached_property
+    def begins(self) -> tuple[str, ...]:
+        """Names of what a recording begins with beside what is read: coordinates, and states of drives."""
+        return (*self.mechanics.begins, *(p.name for p in self.parameters.values() if p.begins))
+
+    @cached_property
     def free(self) -> tuple[str, ...]:
         """Names of the parameters that are fitted: those neither known nor fixed by convention."""
         base = [p for p in self.mechanics.parameters() if not p.fixed]

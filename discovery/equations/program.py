@@ -57,6 +57,7 @@ class Program:
     #: How fast states of memory forget at most [s^-1], of those that steps need not resolve.
     relaxation: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
     begins: tuple[str, ...] = ()  # see `discovery.mechanics.base.Base.begins`
+    begun: tuple[tuple[sp.Symbol, str], ...] = ()  #: States of memory, and the parameters at which they begin.
 
     @cached_property
     def _form(self) -> Callable[..., tuple]:
@@ -70,7 +71,8 @@ class Program:
         """Parameters that change the motion; the others change what is read of it."""
         laws = [e for _, e in (*self.drive, *self.derivative)]
         used = sp.Tuple(*laws, *self.slopes, self.rod.deflection, self.rod.root).free_symbols
-        return frozenset(p for p in self.parameters if p in self.begins or sp.Symbol(p, real=True) in used)
+        begun = {*self.begins, *(name for _, name in self.begun)}
+        return frozenset(p for p in self.parameters if p in begun or sp.Symbol(p, real=True) in used)
 
     @cached_property
     def ageing(self) -> frozenset[str]:
@@ -170,6 +172,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         rod=rod,
         relaxation=tuple(forgets.items()),
         begins=base.begins,
+        begun=tuple((sp.Symbol(p.begins, real=True), p.name) for e in effects for p in e.parameters() if p.begins),
     )
     _check_complete(result, base_name)
     return result

@@ -95,6 +95,7 @@ class _Rest:
     output: Callable[[FloatArray], list[float]]
     start: tuple[float, float]
     form: tuple
+    others: FloatArray  # rates and memory at rest
 
     @classmethod
     def of(cls, model: Model, values: Mapping[str, float], drive: Sequence[float], time: float) -> _Rest:
@@ -108,6 +109,7 @@ class _Rest:
             output=lambda q: output(*q, 0.0, *parameters),
             start=model.mechanics.system.still(drive[0]),
             form=program.form(parameters),
+            others=np.array([drive[0] * (z in dict(program.begun)) for z in program.states[program.n_coordinates :]]),
         )
 
     def coordinates(self, deflection: float, rate: float) -> tuple[FloatArray, FloatArray]:
@@ -119,7 +121,7 @@ class _Rest:
 
     def acceleration(self, q: FloatArray) -> FloatArray:
         n = self.program.n_coordinates
-        return self.slopes(np.concatenate([q, np.zeros(len(self.program.states) - n)]))[n : 2 * n]
+        return self.slopes(np.concatenate([q, self.others]))[n : 2 * n]
 
     def push(self, deflection: float) -> float:
         """Return where a slow motion through this deflection is accelerated to."""
@@ -145,7 +147,7 @@ class _Rest:
             change[n : 2 * n] -= 4.0 / time * state[n : 2 * n]
             return change
 
-        first = np.concatenate([q, np.zeros(len(self.program.states) - n)])
+        first = np.concatenate([q, self.others])
         found = solve_ivp(slowed, (0.0, 60 * time), first, method="LSODA", rtol=1e-8, atol=1e-10)
         end = found.y[:, -1]
         if not (found.success and np.abs(slowed(0.0, end)[:n]).max() * time < 1e-5):

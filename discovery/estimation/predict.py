@@ -85,6 +85,8 @@ def predict(
     spread = principal_spread(fit.covariance[: len(names), : len(names)])
     low, high = (bound[: len(names), None] for bound in single.bounds)
     others = _others(fit, single)
+    # What acted before has arrived.
+    arrived = [s.guess if fit.model.parameters[bench.own[s.row - 2]].begins else 0.0 for s in single.states if s.row > 1]
     m, part = len(names), _APART
 
     def read(part: float) -> FloatArray:
@@ -95,6 +97,7 @@ def predict(
         # Coordinates that are not read begin where springs hold them beside the one that is, at rest.
         state = np.concatenate([np.zeros((len(single.states), 1 + 2 * m)), others], axis=1)
         state[:starts] = _start_of(fit, experiment, points, drive, initial)[:starts]
+        state[len(state) - len(arrived) :] += np.array(arrived)[:, None]
         if initial is not None:
             state = _as_read(single, points, state)
         parameters, begins = single.expand(np.concatenate([points, state]))
@@ -117,7 +120,7 @@ def _others(fit: Fit, single: Problem) -> FloatArray:
     """
     problem, bench = fit.problem, fit.problem.bench
     _, begun = problem.expand(fit.minimum.x[:, None])
-    laws = [name not in fit.model.mechanics.begins for name in bench.own]
+    laws = [name not in fit.model.begins for name in bench.own]
     own = np.where([False, False, *laws], begun[:, :, 0], 0.0)
     kept = [bool(own.any()) and e.recording.name != problem.reference for e in bench.experiments]
     return own[kept][:, [state.row for state in single.states]].T

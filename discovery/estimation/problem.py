@@ -235,6 +235,11 @@ class Problem:
             rows += [(x[i] - p.centre) / p.width for i, p in self._usual]
         return np.array(rows).reshape(len(rows), x.shape[1])
 
+    def prior_jacobian(self) -> FloatArray:
+        """Return the derivative of `prior_residuals`, which is the same everywhere, shape (g, m)."""
+        m = len(self.names)
+        return self.prior_residuals(np.eye(m)) - self.prior_residuals(np.zeros((m, 1)))
+
 
 def side_by_side(problems: Sequence[Problem], vectors: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Return kernel parameters and starts of free vectors (m, k) of several problems on benches of the same names."""

@@ -47,7 +47,7 @@ class StartValue:
 
 def own_parameters(base: str, effects: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     """Return the parameters of which every recording has its own value, in the order of `names`."""
-    own = {p.name for p in (get_effect(e).own() for e in effects) if p is not None}
+    own = {p.name for e in effects for p in get_effect(e).parameters() if p.own or p.begins}
     return tuple(n for n in names if n in {*own, *get_base(base).begins})
 
 
@@ -62,11 +62,11 @@ def start_values(
     """
     q, time = units.coordinate, units.time
     sizes = (q, q / time)[: model.mechanics.starts]
-    begins = model.mechanics.begins
+    begins = model.begins
     rate = 0 if model.mechanics.order == 1 else 1  # which number of a start is the rate
     found = []
     for i, e in enumerate(experiments):
-        told = model.mechanics.begun(e.first_readings) if begins else {}
+        told = _told(model, e)
         begin = model.mechanics.first_state(e.first_readings) or e.initial_state(time)
         for row, (size, guess) in enumerate(zip(sizes, begin, strict=False)):
             if e.recording.at_rest and row == rate:
@@ -85,13 +85,26 @@ def start_values(
             starts, width = tuple(s * unit for s in parameter.starts), parameter.prior.width * unit
             still = parameter.name in begins and e.recording.at_rest
             width *= _REST if still else 1.0
+            # What a coordinate's reading tells may be anywhere; what has arrived of an input is not read.
+            read = begun is not None and not parameter.begins
+            believed = parameter.name in begins and (still or not read)
+            value = StartValue(name, i, row, 0.1 * width, width, believed=believed, still=still)
             if begun is not None and not still:
-                # What is read tells it: it may begin anywhere.
-                value = StartValue(name, i, row, 0.1 * width, float(np.hypot(width, begun)), guess=begun)
-            else:
-                value = StartValue(name, i, row, 0.1 * width, width, believed=parameter.name in begins, still=still)
+                value = replace(value, width=float(np.hypot(width, begun)), guess=begun)
             found.append(replace(value, starts=starts, own_unit=e.unit_of(parameter)))
     return tuple(found)
+
+
+def _told(model: Model, experiment: Experiment) -> dict[str, float]:
+    """Return what a recording tells of where coordinates begin that are not read, and states of drives.
+
+    An input that acted for long has arrived.
+    """
+    told = model.mechanics.begun(experiment.first_readings) if model.mechanics.begins else {}
+    if (drive := experiment.drive) is None:
+        return told
+    first = float(drive.evaluate(experiment.recording.time[:1])[0, 0])
+    return {**told, **{p.name: first for p in model.parameters.values() if p.begins}}
 
 
 def fitted_recordings(model: Model, experiments: Recordings) -> tuple[Experiment, ...]:

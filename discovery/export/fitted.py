@@ -131,7 +131,7 @@ class FittedModel:
         recordings = [e.recording for e in bench.experiments]
         rig = bench.experiments[0].rig
         fitted = fit.problem.names
-        rows = [0, 1, *(2 + bench.own.index(name) for name in fit.model.mechanics.begins)]
+        rows = [0, 1, *(2 + bench.own.index(name) for name in fit.model.begins)]
         values = {n: everything[n] for n in fit.model.parameters}
         return cls(
             model=fit.model.free_parameter(*fitted),

@@ -47,7 +47,7 @@ def composition(found: FittedModel) -> str:
 
 def initial_states(found: FittedModel) -> list[str]:
     """Return lines that say from which states the recordings start; none without recordings."""
-    what = ("deflection", "rate", *found.model.mechanics.begins)
+    what = ("deflection", "rate", *found.model.begins)
     starts = [
         f"{recording}: " + ", ".join(f"{name} {number:.9g}" for name, number in zip(what, start, strict=True))
         for recording, start in found.initial.items()

@@ -14,7 +14,7 @@ from discovery.declarations.effect import Effect, Joint, Memory
 from discovery.equations.declared_terms import LETTERS, every_line
 from discovery.equations.equation import MOVING_INPUT, EquationTerms, equation_of_motion, equation_terms, motion_symbols
 from discovery.equations.model import Model
-from discovery.equations.program import RECORDED, build_program
+from discovery.equations.program import RECORDED, Program, build_program
 from discovery.export.fitted import FittedModel, given_numbers, model_of
 from discovery.foundation.errors import InputError
 from discovery.mechanics.rod import rod_of
@@ -83,7 +83,7 @@ def in_parts(results: Sequence[sp.Expr]) -> tuple[Assignments, Sequence[sp.Expr]
     return tuple(parts), found
 
 
-def _initial(model: Model, n_states: int) -> tuple[sp.Expr, ...]:
+def _initial(model: Model, program: Program) -> tuple[sp.Expr, ...]:
     """Return the initial state as expressions: the base's own arithmetic, carried out on symbols."""
 
     def array(*symbols: sp.Expr) -> np.ndarray:
@@ -95,7 +95,8 @@ def _initial(model: Model, n_states: int) -> tuple[sp.Expr, ...]:
     form = begins or (rod.deflection, rod.root)
     q, rate = model.mechanics.initial_coordinates(array(DEFLECTION), array(RATE), start, form)
     found = [sp.sympify(e) for e in (*q[:, 0], *rate[:, 0])]
-    return (*found, *[sp.Integer(0)] * (n_states - len(found)))
+    begun = {state: sp.Symbol(name, real=True) for state, name in program.begun}
+    return (*found, *(begun.get(state, sp.Integer(0)) for state in program.states[len(found) :]))
 
 
 def program_of(model: Model) -> SymbolicModel:
@@ -114,7 +115,7 @@ def program_of(model: Model) -> SymbolicModel:
         slopes=program.slopes,
         reading=program.reading,
         lateness=sp.sympify(program.lateness),
-        initial=_initial(model, len(program.states)),
+        initial=_initial(model, program),
         equation=None if terms is None else equation_of_motion(model),
         memory=() if terms is None else tuple(sp.Eq(sp.Symbol(f"{z.name}'", real=True), e) for z, e in terms.memory),
     )

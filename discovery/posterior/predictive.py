@@ -110,7 +110,7 @@ def predictive(
     flat = posterior.flat()
     drawn = next(iter(flat.values())).size
     chosen = rng.choice(drawn, size=check_whole(n, "n", 1, drawn), replace=False)
-    own = any(p.own for p in posterior.model.parameters.values())
+    own = any(p.own or p.begins for p in posterior.model.parameters.values())
     _check_initial(initial, experiments, own=own)
     draws = {name: values[chosen] for name, values in flat.items()}
     bands, law = [], errors_of(posterior.noise)

@@ -277,7 +277,8 @@ class LoopResult(LoopViews):
         """Return what loop.json holds of an added effect."""
         other = self.stand_ins.get(effect)
         names = [] if effect in UPGRADES else [p.name for p in get_effect(effect).parameters()]
-        of_recordings = [n for n in self.after.values if (start := start_of(n)) and start[0] in names]
+        own = [n for n in names if self.after.model.parameters[n].own]
+        of_recordings = [n for n in self.after.values if (start := start_of(n)) and start[0] in own]
         parameters = {n: as_read(self.after, n) for n in (*names, *of_recordings) if n in self.after.values}
         if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
             # No reading is surer than the ruler.

@@ -46,7 +46,12 @@ def exchange_starts(found: Refit, effect: str, scored: Sequence[Candidate]) -> l
         other = replace(rest, model=rest.model.with_effect(start.effect))
         added = [p.name for p in get_effect(start.effect).fitted(problem.model.mechanics.system)]
         none = dict(zip(added, np.where(np.isin(np.arange(len(added)), start.sizes), 0.0, start.values), strict=True))
-        left, moved = _to_first_order(other, values | none, slopes | dict(_columns(start, added)), absent)
+        # What has arrived of an input is where its recording tells, and stays.
+        begun = {state.name: state.guess for state in other.states}
+        still = {name: np.zeros(rows) for name in begun}
+        left, moved = _to_first_order(
+            other, begun | values | none, still | slopes | dict(_columns(start, added)), absent
+        )
         if left < most:
             ways.append((left, (start.effect, np.array([moved[n] for n in added]), values | moved)))
     return [way for _, way in sorted(ways, key=lambda found: found[0])[:_KEPT]]

@@ -118,7 +118,7 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
     problems: list[Problem] = []
     requests = []
     labels = [effects for effects, *_ in starts]
-    n_data = problem.bench.n_data
+    n_data, rows = problem.bench.n_data, problem.bench.n_rows
     race = Race(n_data, SLOW)
     for effects, vector, columns, others, own in starts:
         extended = Problem(
@@ -128,20 +128,22 @@ def _raced(minimum: Minimum, problem: Problem, starts: Sequence[_Start], *, thor
         added = [i for i, n in enumerate(extended.free) if n not in problem.free]
         lower, upper = extended.bounds
         x = extended.start({n: v for start in own for n, v in start.of_recordings(extended).items()})
-        jacobian = np.zeros((len(minimum.residual), x.size))
+        jacobian = np.zeros((rows, x.size))
         x[old], x[added] = minimum.x, np.clip(vector, lower[added], upper[added])
-        jacobian[:, old] = minimum.jacobian
+        jacobian[:, old] = minimum.jacobian[:rows]
         jacobian[: len(columns), added] = columns
         if others is None:
             # The fitted parameters move with the effect: first-order compensation.
-            push = minimum.residual + jacobian[:, added] @ x[added]
+            push = minimum.residual.copy()
+            push[:rows] += jacobian[:, added] @ x[added]
             step, *_ = np.linalg.lstsq(minimum.jacobian, -push, rcond=None)
             x[old] = np.clip(x[old] + step, lower[old], upper[old])
         else:
             for i, name in enumerate(extended.names):
                 x[i] = np.clip(others.get(name, x[i]), lower[i], upper[i])
         problems.append(extended)
-        requests.append(_quick(extended, x, jacobian, _FIRST_ROUND, race.enter(effects)))
+        whole = np.concatenate([jacobian, extended.prior_jacobian()])
+        requests.append(_quick(extended, x, whole, _FIRST_ROUND, race.enter(effects)))
     quick = together(problems, requests)
     minima = list(quick)
     # Only those go on that are still in the race.

@@ -162,6 +162,8 @@ class Simulator:
         initial = np.zeros((len(program.states), pad.size))
         initial[: program.n_coordinates] = q
         initial[program.n_coordinates : 2 * program.n_coordinates] = q_rate
+        for state, name in program.begun:
+            initial[program.states.index(state)] = padded[program.parameters.index(name)]
         return Batch(padded, initial, order, lanes)
 
     def run(
