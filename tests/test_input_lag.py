@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
 
 from benchmarks.systems.cases import CASES
 from benchmarks.systems.run import run
+from discovery import close_loop, declared_model, fit_model, load_dataset, predict_motion
 from discovery.equations.model import Model
 from discovery.export import to_latex, to_sympy
 from discovery.recordings.drive import Drive
@@ -18,6 +21,17 @@ TIME = np.linspace(0.0, 4.0, 81)
 LONGEST = 0.05  # step of the integration [s]
 #: A step of the input at 0.52 s, between two readings.
 STEP = Drive(np.array([0.0, 0.52, 4.0]), np.array([[0.0, 1.0]]), np.array([0.52]))
+
+#: An input of 1.5 that has acted for long, and steps by one at 0.52 s.
+HELD = Drive(np.array([0.0, 0.52, 4.0]), np.array([[1.5, 2.5]]), np.array([0.52]))
+RIG = """name = "lagging"
+kind = "oscillator"
+
+[columns]
+time = { name = "time", unit = "s" }
+input = { name = "force", unit = "N", interpolation = "hold" }
+output = { name = "place", unit = "m", noise = 0.001 }
+"""
 
 
 def pushed(*effects: str, **values: float) -> np.ndarray:
@@ -54,6 +68,80 @@ def test_its_equation_is_written_without_what_computing_needs() -> None:
     assert [str(line) for line in to_sympy(model).memory] == ["Eq(u_l', (r_0 - u_l)/tau_u)"]
     assert r"\dot{u_{l}} = \frac{" in to_latex(model)
     assert "10^{-30}" not in to_latex(model)
+
+
+@pytest.mark.parametrize("tau", [1.0, 0.3])
+@pytest.mark.parametrize("begun", [0.0, 1.5, -0.7])
+def test_what_had_arrived_decays_as_in_closed_form(tau: float, begun: float) -> None:
+    """q'' = u_l with u_l = 1.5 + (u_a - 1.5) exp(-t/tau), and the step behind it."""
+    simulator = Simulator("oscillator", ("input_lag",), TIME, HELD, step=LONGEST)
+    parameters = np.array([[{"g": 1.0, "tau_u": tau, "u_a": begun}.get(n, 0.0)] for n in simulator.names])
+    late = np.maximum(TIME - 0.52, 0.0)
+    held = 1.5 * TIME**2 / 2 + (begun - 1.5) * (tau * TIME + tau**2 * np.expm1(-TIME / tau))
+    expected = held + late**2 / 2 - tau * late - tau**2 * np.expm1(-late / tau)
+    np.testing.assert_allclose(simulator(parameters, np.zeros(1), np.zeros(1))[:, 0, 0], expected, atol=2e-4)
+
+
+def lagging_recording(name: str, rng: np.random.Generator, *, begins: float) -> pd.DataFrame:
+    """A mass on a spring whose input acted before the first reading, by another integrator."""
+    time = np.arange(0.0, 8.0, 0.02)
+    change = 0.02 * np.cumsum(rng.integers(30, 70, 12))
+    level = rng.uniform(-1.0, 1.0, change.size + 1)
+    level[0] = 0.8
+
+    def given(t: float) -> float:
+        return float(level[np.searchsorted(change - 1e-9, t, side="right")])
+
+    def slope(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], 20.0 * y[2] - 0.6 * y[1] - 25.0 * y[0], (given(t) - y[2]) / 0.25]
+
+    found = solve_ivp(slope, (0.0, 8.0), [0.1, 0.0, begins], t_eval=time, max_step=0.005, rtol=1e-9, atol=1e-11)
+    read = found.y[0] + rng.normal(0.0, 1e-3, time.size)
+    return pd.DataFrame({"time": time, "force": [given(t) for t in time], "place": read})
+
+
+def test_recordings_that_begin_under_an_input_tell_what_had_arrived(tmp_path: Path) -> None:
+    """Cut out of a longer session: of one nothing had arrived, of another all, of the last more than was asked."""
+    rng, begins = np.random.default_rng(7), {"a": 0.0, "b": 0.8, "c": -0.5}
+    for name, begun in begins.items():
+        lagging_recording(name, rng, begins=begun).to_csv(tmp_path / f"{name}.csv", index=False)
+    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv", tmp_path / "b.csv"], [tmp_path / "c.csv"])
+    model = declared_model(data).with_effect("input_lag")
+    fit = fit_model(model, data)
+    assert fit.values["tau_u"] == pytest.approx(0.25, rel=0.02)
+    starts = fit.initial_states()
+    for name in ("a", "b"):
+        assert starts.loc[name, "u_a"] == pytest.approx(begins[name], abs=4 * starts.loc[name, "u_a_sd"] + 0.01)
+        assert 0 < starts.loc[name, "u_a_sd"] < 0.1
+    assert np.sqrt(fit.chi2 / fit.problem.bench.n_data) == pytest.approx(1.0, abs=0.1)
+    # A prediction without a reading takes what acts at its first time for arrived.
+    predicted, _ = predict_motion(fit, data.holdout[0])
+    rest = 0.8 * 20.0 / 25.0
+    assert predicted[0, 0] == pytest.approx(rest, rel=0.02)
+    np.testing.assert_allclose(predicted[:10, 0], rest, rtol=0.02)
+    result = close_loop(data)
+    assert list(result.added) == ["input_lag"]
+    assert result.verdict == "explained"
+    assert result.errors["after"]["holdout"]["rms"] < 1.3e-3
+
+
+def test_nothing_had_arrived_of_what_begins_at_rest(tmp_path: Path) -> None:
+    lagging_recording("a", np.random.default_rng(3), begins=0.0).to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "rig.toml").write_text(
+        RIG + '[records]\ntrain = [{ file = "a.csv", at_rest = true }]\n', encoding="utf-8"
+    )
+    data = load_dataset(tmp_path / "rig.toml")
+    problem = fit_model(declared_model(data).with_effect("input_lag"), data).problem
+    (begun,) = [state for state in problem.states if state.name.startswith("u_a")]
+    assert begun.still
+    assert begun.guess == 0.0
+
+
+def test_exports_begin_where_the_input_had_arrived(tmp_path: Path) -> None:
+    """The symbol of what had arrived is the start of its state, in every language that is written from it."""
+    found = to_sympy(Model("oscillator", ("linear_stiffness", "input_lag")))
+    assert [str(e) for e in found.initial][2:] == ["u_a"]
 
 
 @pytest.mark.slow

@@ -43,8 +43,8 @@ class Parameter:
         True when every recording has its own value, such as a phase, fitted beside its initial state. The default is
         that of the first recording, from which the others are counted. It is `fixed` as well.
     begins : str
-        The state of a drive whose value it is when a recording begins: every recording has its own, the first one too. It
-        begins at the first input, or at rest at zero. It is `fixed` as well.
+        The state of a drive whose value it is when a recording begins, fitted with every recording's start from its
+        first input; zero of one that begins at rest. It is `fixed` as well.
     natural : bool
         True where physics ends at the bounds, not a range: a value there is one like others.
     latex : str

@@ -13,16 +13,14 @@ from typing import Any
 import numpy as np
 
 from discovery.declarations.effect import Sensor
-from discovery.declarations.registry import catalogue, get_effect
 from discovery.estimation.fit import Fit
-from discovery.estimation.problem import STATED
 from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
 from discovery.recordings.experiment import Experiment
+from discovery.recordings.parts import MOVES, motion_over_noise
 from discovery.recordings.recording import Recording
 from discovery.results.judging import judged_rms
-from discovery.rigs.quantities import QUANTITIES
 from discovery.selection.decision import Decision
 
 #: Times the noise, readings that lie farther off than a model that leaves noise would let them.
@@ -57,7 +55,8 @@ class Caution:
     #: "lost_gain" (of the input, not told from zero any more: `value`, `sd`, `unit`, `before` and `before_sd`),
     #: "no_gain" (never told from zero: `value`, `sd` and `unit`),
     #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule), "stopped" (a search that its
-    #: budget ended, with the numbers of that decision),
+    #: budget ended, with the numbers of that decision), "motionless" (training readings that move by so many `times`
+    #: their noise at most),
     #: "untold" (an added effect of no size 3 sds from zero: `value`, `sd` and `unit` of the first of them),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "stamps" (that err, see `diagnosis.stamps`), "burst" (where it lies in time), "like_noise" (of the
@@ -109,6 +108,12 @@ def stopped(steps: Sequence[Decision]) -> Caution | None:
     """Return that a limit of work ended the search; None where nothing more was accepted."""
     last = next((d for d in reversed(steps) if d.action == "stop"), None)
     return Caution("stopped", numbers=last.numbers) if last is not None and last.code == "budget" else None
+
+
+def motionless(recordings: Sequence[Recording]) -> Caution | None:
+    """Return that what was fitted moves by no more than its noise; None where it does."""
+    times = max(motion_over_noise(r, 0) for r in recordings)
+    return Caution("motionless", numbers={"times": times}) if times < MOVES else None
 
 
 def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float) -> Caution | None:
@@ -233,62 +238,3 @@ def quiet(
         return None
     numbers = {"rms": rms, "unit": errors["unit"], "ratio": floor / rms, "noise": floor, "trained": trained}
     return Caution("quiet", numbers=numbers)
-
-
-@dataclass(frozen=True)
-class StandIn:
-    """An effect whose only parameter reads like a relative error of a quantity of the rig file."""
-
-    #: effect, parameter: its id, and the name of its parameter.
-    effect: str
-    parameter: str
-    quantity: str  # key of the rig file without its unit
-    share: float  # the parameter
-    #: stated, sd: what the rig file says of the quantity [SI].
-    stated: float
-    sd: float
-    unit: str  # their unit
-
-    @property
-    def value(self) -> float:
-        """What the rig file would have to state for the same motion without the effect [SI]."""
-        return self.stated * (1 + self.share)
-
-    @property
-    def relative_sd(self) -> float:
-        """Standard deviation of the parameter that comes from the rig file."""
-        return self.sd / self.stated
-
-    @property
-    def z(self) -> float:
-        """By how many of its standard deviations the rig file would have to err."""
-        return self.share / self.relative_sd
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether the rig file may err by as much: it would contradict nothing."""
-        return abs(self.z) <= STATED
-
-    def summary(self) -> dict[str, Any]:
-        """Return a JSON-ready description."""
-        return {
-            "quantity": self.quantity,
-            "unit": self.unit,
-            "value": self.value,
-            "stated": self.stated,
-            "sd": self.sd,
-            "z": self.z,
-            "doubtful": self.doubtful,
-        }
-
-
-def stand_in(fitted: Fit, effect: str) -> StandIn | None:
-    """Return what an added effect may stand for; None where the rig file is surely right, or does not say."""
-    experiment = fitted.problem.bench.experiments[0]
-    quantity = get_effect(effect).stands_for if experiment.system.has_rod and effect in catalogue() else ""
-    stated = getattr(experiment.rig, quantity) if quantity else None
-    if stated is None or not stated.sd:
-        return None
-    (parameter,) = get_effect(effect).parameters()
-    share, unit = fitted.values[parameter.name], QUANTITIES[quantity].unit
-    return StandIn(effect, parameter.name, quantity=quantity, share=share, stated=stated.value, sd=stated.sd, unit=unit)

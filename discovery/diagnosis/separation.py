@@ -186,10 +186,10 @@ def _rivals(names: tuple[str, ...], fits: Sequence[Fit], laws: Laws) -> dict[str
 def _laws(fits: Sequence[Fit], tried: Sequence[Pairs]) -> tuple[Laws, Distance]:
     """Return which rivals are one law, by the given recordings and manoeuvres, and how far laws lie apart on those.
 
-    Without a manoeuvre that is allowed, nobody can say.
+    Without a manoeuvre that is allowed the given recordings alone say it, and of recordings like these.
     """
     given = pairs_on_given(fits)
-    laws = Laws.of(len(fits), [given, *tried] if tried else [])
+    laws = Laws.of(len(fits), [given, *tried])
     return laws, given.nearest(laws)
 
 

@@ -13,10 +13,10 @@ _ARRIVED = sp.Symbol("u_l", real=True)
 class InputLag(Drive):
     r"""A first-order lag of the input: what arrives follows what is asked for with a time constant tau_u.
 
-    .. math:: u \to u_l,\qquad \tau_u\, \dot u_l = u - u_l
+    .. math:: u \to u_l,\qquad \tau_u\, \dot u_l = u - u_l,\qquad u_l(0) = u_a
 
     The current of a coil behind its voltage (L/R), the thrust of a fan that spins up, a valve, a heater. What had
-    arrived when a recording starts, u_1, is fitted with its start; of one that begins `at_rest` nothing had. A lag much
+    arrived when a recording starts, u_a, is fitted with its start; of one that begins `at_rest` nothing had. A lag much
     shorter than the motion looks like the `sensor_delay` of an instrument; a swing that no input drives tells them
     apart. It is offered where the input is a force or a voltage, not a motion.
     """
@@ -27,8 +27,13 @@ class InputLag(Drive):
         "s", "time constant of the input", (0.0, 100.0), HalfStudent(0.3), starts=(0.02, 0.1, 0.4, 1.5, 6.0),
         latex=r"\tau_u",
     )  # fmt: skip
-    u_1 = Parameter(
-        "u", "what had arrived when a recording began", prior=Normal(0.0, 1.0), fixed=True, begins=_ARRIVED.name
+    u_a = Parameter(
+        "u",
+        "what had arrived when a recording began",
+        prior=Normal(0.0, 1.0),
+        fixed=True,
+        begins=_ARRIVED.name,
+        latex="u_a",
     )
 
     def states(self):

@@ -159,7 +159,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         memory.update(end.states(bent))
     bare = [_told(r, accelerations, program) for r in base.reading(radius_of(effects, channels), rod)]
     reading, memory = _reading(base, effects, bare, memory)
-    still = (sp.Integer(0),) * (2 * n)
+    still = [sp.Integer(0)] * 2 * n
     result = Program(
         parameters=(*[p.name for p in base.parameters()], *[p.name for e in effects for p in e.parameters()]),
         states=(*mechanics.coordinates, *mechanics.rates, *memory),
@@ -174,8 +174,7 @@ def build_program(base_name: str, effect_ids: tuple[str, ...]) -> Program:
         begins=base.begins,
         begun=tuple((sp.Symbol(p.begins, real=True), p.name) for e in effects for p in e.parameters() if p.begins),
     )
-    _check_complete(result, base_name)
-    return result
+    return _complete(result, base_name)
 
 
 def _forces(effects: Sequence[Effect], end: LoadedEnd | None) -> dict[sp.Symbol, sp.Expr]:
@@ -258,7 +257,8 @@ def _reading(
     return reading, memory
 
 
-def _check_complete(program: Program, base_name: str) -> None:
+def _complete(program: Program, base_name: str) -> Program:
+    """Return a program all of whose symbols are declared; InputError for another one."""
     used = set().union(
         *[e.free_symbols for _, e in (*program.drive, *program.derivative)],
         *[e.free_symbols for e in (*program.slopes, *program.reading, program.lateness)],
@@ -268,3 +268,4 @@ def _check_complete(program: Program, base_name: str) -> None:
     if missing:
         hint = " Add linear_stiffness to the model." if "alpha" in missing else ""
         raise InputError(f"The model on base {base_name!r} uses {', '.join(missing)}, which nothing declares.{hint}")
+    return program

@@ -85,8 +85,6 @@ def predict(
     spread = principal_spread(fit.covariance[: len(names), : len(names)])
     low, high = (bound[: len(names), None] for bound in single.bounds)
     others = _others(fit, single)
-    # What acted before has arrived.
-    arrived = [s.guess if fit.model.parameters[bench.own[s.row - 2]].begins else 0.0 for s in single.states if s.row > 1]
     m, part = len(names), _APART
 
     def read(part: float) -> FloatArray:
@@ -95,9 +93,8 @@ def predict(
         )
         points = np.clip(centre[:, None] + moved, low, high)
         # Coordinates that are not read begin where springs hold them beside the one that is, at rest.
-        state = np.concatenate([np.zeros((len(single.states), 1 + 2 * m)), others], axis=1)
+        state = np.concatenate([np.zeros((len(single.states), 1 + 2 * m)), others], axis=1) + _arrived(single)
         state[:starts] = _start_of(fit, experiment, points, drive, initial)[:starts]
-        state[len(state) - len(arrived) :] += np.array(arrived)[:, None]
         if initial is not None:
             state = _as_read(single, points, state)
         parameters, begins = single.expand(np.concatenate([points, state]))
@@ -124,6 +121,15 @@ def _others(fit: Fit, single: Problem) -> FloatArray:
     own = np.where([False, False, *laws], begun[:, :, 0], 0.0)
     kept = [bool(own.any()) and e.recording.name != problem.reference for e in bench.experiments]
     return own[kept][:, [state.row for state in single.states]].T
+
+
+def _arrived(single: Problem) -> FloatArray:
+    """Return what has arrived of an input that acted before, (numbers of a start, 1): zero of all else."""
+    begins = {n for n, p in single.model.parameters.items() if p.begins}
+    told = [
+        state.guess if single.bench.own[state.row - 2] in begins else 0.0 for state in single.states if state.row > 1
+    ]
+    return np.array([*[0.0] * (len(single.states) - len(told)), *told])[:, None]
 
 
 def _start_of(

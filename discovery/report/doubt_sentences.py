@@ -223,6 +223,10 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         f"the search ended before it had tried all it would: {budget_sentence(found['numbers'])}. More may be missing, "
         "or less in its place: declare what you know of the system, and search from there"
     ),
+    "motionless": lambda found: (
+        f"the training readings move by {figures(found['numbers']['times'], 2)} times their noise at most: they tell "
+        "no law from none, and nothing that is missing could show in them"
+    ),
     "missed": _missed,
     "stamps": _stamps,
     "burst": _burst,

@@ -221,7 +221,8 @@ class PartTable(Table):
     at_rest: bool = Field(
         default=False,
         description="Whether nothing moves at its first row: no coordinate has a rate, and those that are not read are "
-        "where a steady force holds them. Left out, the start is fitted.",
+        "where a steady force holds them, and of an input that lags nothing has arrived. Left out, the start is "
+        "fitted.",
     )
     constants: dict[str, FiniteFloat] = Field(
         default={},

@@ -12,10 +12,11 @@ import numpy as np
 from discovery.declarations.registry import get_effect
 from discovery.declarations.units import quoted
 from discovery.diagnosis import caution, edges
-from discovery.diagnosis.caution import Caution, StandIn
+from discovery.diagnosis.caution import Caution
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stamps import erring_stamps
+from discovery.diagnosis.stand_in import StandIn, stand_in
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.losses import without_losses
 from discovery.estimation.bench import Bench
@@ -194,7 +195,7 @@ class LoopResult(LoopViews):
     @property
     def stand_ins(self) -> dict[str, StandIn]:
         """What added effects may stand for, by effect: an error of the rig file would do the same."""
-        found = {effect: caution.stand_in(self.after, effect) for effect in self.added}
+        found = {effect: stand_in(self.after, effect) for effect in self.added}
         return {effect: other for effect, other in found.items() if other is not None}
 
     @cached_property
@@ -211,6 +212,8 @@ class LoopResult(LoopViews):
             found += edges.stated_edges(self.after)
         if self.added:
             found.append(caution.not_carried(self.errors))
+        elif self.complete:
+            found.append(caution.motionless([e.recording for e in self.after.problem.bench.experiments]))
         if not self.complete and not self.impossible:
             found.append(caution.stopped(self.steps))
             noise = float(min(r.noise[r.judged].min() for r in self.recordings))
