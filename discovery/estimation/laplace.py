@@ -18,7 +18,6 @@ from scipy.linalg import block_diag
 from scipy.linalg.lapack import dgelsd, dgelsd_lwork, dgetrf
 from scipy.optimize import lsq_linear
 
-from discovery.declarations.priors import Normal
 from discovery.estimation.problem import Problem
 from discovery.foundation.arrays import BoolArray, FloatArray
 from discovery.foundation.compiled_function import compiled
@@ -199,9 +198,7 @@ class Belief:
 def belief_of(problem: Problem, x: FloatArray, at_bound: BoolArray, more: Sequence[float]) -> Belief:
     """Return what is believed of every parameter; last are held-out starts, whose priors are `more` wide."""
     log, width, centre = [], [], []
-    for name, value, prior in zip(problem.free, x, problem.priors, strict=False):
-        # What the rig states takes the place of what the catalogue believes.
-        own = Normal(*problem.gaussian[name]) if name in problem.gaussian else prior
+    for value, own in zip(x[: len(problem.free)], problem.priors, strict=False):
         at, spread = value if np.isnan(own.centre) else own.centre, own.width_at(value)
         log.append(max(float(own.log_density(at)), -1e3) if own.is_proper else -np.log(spread * np.sqrt(2 * np.pi)))
         width.append(spread)
