@@ -4,7 +4,7 @@ import sympy as sp
 
 from discovery.declarations.effect import Sensor
 from discovery.declarations.parameters import Parameter
-from discovery.declarations.priors import Normal
+from discovery.declarations.priors import Student
 from discovery.declarations.symbols import t
 
 
@@ -19,7 +19,7 @@ class ZeroDrift(Sensor):
 
     cite = "Doebelin, Measurement Systems, 5th edition (2004), section 3.3"
     anchored = True
-    z_t = Parameter("q s^-1", "drift of zero", (-0.05, 0.05), Normal(0.0, 3e-4), starts=(3e-5, -3e-5), latex="z_t")
+    z_t = Parameter("q s^-1", "drift of zero", (-0.05, 0.05), Student(3e-4), starts=(3e-5, -3e-5), latex="z_t")
 
     def arm_reading(self, tip_x, tip_y):
         """Return the position in the turning frame."""
