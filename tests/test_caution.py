@@ -11,11 +11,12 @@ from typing import Any, cast
 
 import driven_oscillator as bench
 import numpy as np
+import pandas as pd
 import pytest
 from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
 
 from discovery.declarations.registry import get_effect
-from discovery.diagnosis.caution import Caution, acausal, missed, stopped, unfinished
+from discovery.diagnosis.caution import Caution, acausal, missed, motionless, stopped, unfinished
 from discovery.diagnosis.edges import (
     at_edges,
     combined,
@@ -55,6 +56,24 @@ def moved(fitted: Fit, name: str, share: float) -> list[Caution]:
     low, high = (bound[k] for bound in fitted.problem.bounds)
     x[k] = low + share * (high - low)
     return at_edges(replace(fitted, minimum=replace(fitted.minimum, x=x)), ("position_scale",))
+
+
+def test_readings_that_do_not_move_tell_nothing(tmp_path: Path) -> None:
+    """A speed that a motor holds, read to its noise: no law is missing, and none could show."""
+    rng, time = np.random.default_rng(4), np.arange(0.0, 20.0, 0.05)
+    rest = pd.DataFrame({"t": time, "x": rng.normal(0.0, 0.01, time.size)})
+    swing = rest.assign(x=rest.x + np.exp(-0.1 * time) * np.cos(3.0 * time))
+    rig = 'name = "r"\nkind = "oscillator"\n[columns]\ntime = { name = "t", unit = "s" }\n'
+    (tmp_path / "rig.toml").write_text(rig + 'output = { name = "x", unit = "m", noise = 0.01 }\n', encoding="utf-8")
+    found = []
+    for name, frame in (("rest", rest), ("swing", swing)):
+        frame.to_csv(tmp_path / f"{name}.csv", index=False)
+        (part,) = load_dataset(tmp_path / "rig.toml", [tmp_path / f"{name}.csv"], keep_third=False).train
+        found.append(motionless([part.recording]))
+    assert found[0] is not None
+    assert found[0].numbers["times"] < 3.0
+    assert "no law from none" in caution_sentence(found[0].summary())
+    assert found[1] is None
 
 
 def test_a_value_at_an_edge_that_is_no_zero_is_doubted(scaled: Fit) -> None:

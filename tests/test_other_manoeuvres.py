@@ -116,6 +116,19 @@ def test_rivals_are_let_go_at_one_place_wherever_each_of_them_rests() -> None:
     np.testing.assert_allclose(found.table[0, 1:], found.release, atol=1e-9)
 
 
+def test_one_law_is_one_where_no_manoeuvre_keeps_the_deflection_either() -> None:
+    """What runs away leaves nothing that could be tried: then the given recordings alone say it."""
+    errors = np.random.default_rng(2).normal(3 * NOISE, NOISE, TIME.size)
+    part = experiment(errors)
+    part = replace(part, rig=replace(part.rig, deflection_limit=1e-9))
+    model = Model("oscillator", EFFECTS, {"g": 1.7})
+    fits = {name: fit(model.with_effect(name), [part]) for name in TWINS}
+    found = separate(fits, np.random.default_rng(1), evaluations=8)
+    assert found.deflection > 1e-9
+    assert [set(names) for names in found.clusters] == [set(TWINS)]
+    assert separation_sentence(found.summary()).endswith("are the same law: no recording like these tells them apart.")
+
+
 @pytest.mark.parametrize("which", ["driven", "free"])
 def test_rivals_that_are_one_law_do_not_hide_what_tells_another(which: str) -> None:
     found = with_twins(which)
