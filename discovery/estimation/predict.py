@@ -93,7 +93,7 @@ def predict(
         )
         points = np.clip(centre[:, None] + moved, low, high)
         # Coordinates that are not read begin where springs hold them beside the one that is, at rest.
-        state = np.concatenate([np.zeros((len(single.states), 1 + 2 * m)), others], axis=1) + _arrived(single)
+        state = np.concatenate([np.zeros((len(single.states), 1 + 2 * m)), others], axis=1) + arrived(single)
         state[:starts] = _start_of(fit, experiment, points, drive, initial)[:starts]
         if initial is not None:
             state = _as_read(single, points, state)
@@ -123,7 +123,7 @@ def _others(fit: Fit, single: Problem) -> FloatArray:
     return own[kept][:, [state.row for state in single.states]].T
 
 
-def _arrived(single: Problem) -> FloatArray:
+def arrived(single: Problem) -> FloatArray:
     """Return what has arrived of an input that acted before, (numbers of a start, 1): zero of all else."""
     begins = {n for n, p in single.model.parameters.items() if p.begins}
     told = [

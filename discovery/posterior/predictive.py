@@ -12,6 +12,7 @@ from numpy.random import Generator
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.held_states import fitted_states
+from discovery.estimation.predict import arrived
 from discovery.estimation.problem import Problem
 from discovery.foundation.arguments import as_generator, check_names, check_pair, check_whole, expect
 from discovery.foundation.arrays import FloatArray
@@ -159,10 +160,10 @@ def simulated(
     problem = Problem(posterior.model, bench, posterior.natural, posterior.gaussian, reference="")
     n = next(iter(draws.values())).size
     rows = [draws[name] for name in problem.free]
-    for state in problem.states:
+    for state, (begun,) in zip(problem.states, arrived(problem), strict=True):
         given = (initial or {}).get(experiments[state.experiment].recording.name, ())
         known = state.row < len(given)
-        rows.append(np.full(n, given[state.row]) if known else draws.get(state.name, np.zeros(n)))
+        rows.append(np.full(n, given[state.row]) if known else draws.get(state.name, np.full(n, begun)))
     parameters, states = problem.expand(np.array(rows))
     found = []
     for experiment, channels in zip(experiments, bench.predict(parameters, states), strict=True):
