@@ -13,6 +13,7 @@ from benchmarks.systems.cases import CASES
 from benchmarks.systems.run import run
 from discovery import close_loop, declared_model, fit_model, load_dataset, predict_motion
 from discovery.equations.model import Model
+from discovery.estimation.predict import arrived
 from discovery.export import to_latex, to_sympy
 from discovery.recordings.drive import Drive
 from discovery.simulation.simulate import Simulator
@@ -124,6 +125,19 @@ def test_recordings_that_begin_under_an_input_tell_what_had_arrived(tmp_path: Pa
     assert list(result.added) == ["input_lag"]
     assert result.verdict == "explained"
     assert result.errors["after"]["holdout"]["rms"] < 1.3e-3
+
+
+def test_what_has_arrived_is_told_of_each_of_several_recordings(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    for name, begins in (("a", 0.8), ("b", 0.8)):
+        lagging_recording(name, rng, begins=begins).to_csv(tmp_path / f"{name}.csv", index=False)
+    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
+    data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv", tmp_path / "b.csv"], keep_third=False)
+    problem = fit_model(declared_model(data).with_effect("input_lag"), data).problem
+    assert dict(zip(problem.names[len(problem.free) :], arrived(problem)[:, 0], strict=True)) == {
+        state.name: 0.8 if state.name.startswith("u_a") else 0.0 for state in problem.states
+    }
+    assert len(problem.states) == 6
 
 
 def test_nothing_had_arrived_of_what_begins_at_rest(tmp_path: Path) -> None:

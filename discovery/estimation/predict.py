@@ -123,13 +123,10 @@ def _others(fit: Fit, single: Problem) -> FloatArray:
     return own[kept][:, [state.row for state in single.states]].T
 
 
-def arrived(single: Problem) -> FloatArray:
-    """Return what has arrived of an input that acted before, (numbers of a start, 1): zero of all else."""
-    begins = {n for n, p in single.model.parameters.items() if p.begins}
-    told = [
-        state.guess if single.bench.own[state.row - 2] in begins else 0.0 for state in single.states if state.row > 1
-    ]
-    return np.array([*[0.0] * (len(single.states) - len(told)), *told])[:, None]
+def arrived(problem: Problem) -> FloatArray:
+    """Return what has arrived of an input that acted before, (numbers of all starts, 1): zero of all else."""
+    begins = [n in problem.model.parameters and bool(problem.model.parameters[n].begins) for n in problem.bench.own]
+    return np.array([s.guess if s.row > 1 and begins[s.row - 2] else 0.0 for s in problem.states], float)[:, None]
 
 
 def _start_of(

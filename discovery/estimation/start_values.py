@@ -101,10 +101,10 @@ def _told(model: Model, experiment: Experiment) -> dict[str, float]:
     An input that acted for long has arrived.
     """
     told = model.mechanics.begun(experiment.first_readings) if model.mechanics.begins else {}
-    if (drive := experiment.drive) is None:
+    drive, names = experiment.drive, [p.name for p in model.parameters.values() if p.begins]
+    if drive is None or not names:
         return told
-    first = float(drive.evaluate(experiment.recording.time[:1])[0, 0])
-    return {**told, **{p.name: first for p in model.parameters.values() if p.begins}}
+    return {**told, **dict.fromkeys(names, float(drive.evaluate(experiment.recording.time[:1])[0, 0]))}
 
 
 def fitted_recordings(model: Model, experiments: Recordings) -> tuple[Experiment, ...]:
