@@ -83,7 +83,7 @@ def test_what_had_arrived_decays_as_in_closed_form(tau: float, begun: float) -> 
     np.testing.assert_allclose(simulator(parameters, np.zeros(1), np.zeros(1))[:, 0, 0], expected, atol=2e-4)
 
 
-def lagging_recording(name: str, rng: np.random.Generator, *, begins: float) -> pd.DataFrame:
+def lagging_recording(rng: np.random.Generator, *, begins: float) -> pd.DataFrame:
     """A mass on a spring whose input acted before the first reading, by another integrator."""
     time = np.arange(0.0, 8.0, 0.02)
     change = 0.02 * np.cumsum(rng.integers(30, 70, 12))
@@ -102,10 +102,10 @@ def lagging_recording(name: str, rng: np.random.Generator, *, begins: float) -> 
 
 
 def test_recordings_that_begin_under_an_input_tell_what_had_arrived(tmp_path: Path) -> None:
-    """Cut out of a longer session: of one nothing had arrived, of another all, of the last more than was asked."""
+    """Cut out of a longer session: of one nothing had arrived, of another all, of the last the opposite."""
     rng, begins = np.random.default_rng(7), {"a": 0.0, "b": 0.8, "c": -0.5}
     for name, begun in begins.items():
-        lagging_recording(name, rng, begins=begun).to_csv(tmp_path / f"{name}.csv", index=False)
+        lagging_recording(rng, begins=begun).to_csv(tmp_path / f"{name}.csv", index=False)
     (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
     data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv", tmp_path / "b.csv"], [tmp_path / "c.csv"])
     model = declared_model(data).with_effect("input_lag")
@@ -130,7 +130,7 @@ def test_recordings_that_begin_under_an_input_tell_what_had_arrived(tmp_path: Pa
 def test_what_has_arrived_is_told_of_each_of_several_recordings(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     for name, begins in (("a", 0.8), ("b", 0.8)):
-        lagging_recording(name, rng, begins=begins).to_csv(tmp_path / f"{name}.csv", index=False)
+        lagging_recording(rng, begins=begins).to_csv(tmp_path / f"{name}.csv", index=False)
     (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
     data = load_dataset(tmp_path / "rig.toml", [tmp_path / "a.csv", tmp_path / "b.csv"], keep_third=False)
     problem = fit_model(declared_model(data).with_effect("input_lag"), data).problem
@@ -141,7 +141,7 @@ def test_what_has_arrived_is_told_of_each_of_several_recordings(tmp_path: Path) 
 
 
 def test_nothing_had_arrived_of_what_begins_at_rest(tmp_path: Path) -> None:
-    lagging_recording("a", np.random.default_rng(3), begins=0.0).to_csv(tmp_path / "a.csv", index=False)
+    lagging_recording(np.random.default_rng(3), begins=0.0).to_csv(tmp_path / "a.csv", index=False)
     (tmp_path / "rig.toml").write_text(
         RIG + '[records]\ntrain = [{ file = "a.csv", at_rest = true }]\n', encoding="utf-8"
     )
@@ -152,7 +152,7 @@ def test_nothing_had_arrived_of_what_begins_at_rest(tmp_path: Path) -> None:
     assert begun.guess == 0.0
 
 
-def test_exports_begin_where_the_input_had_arrived(tmp_path: Path) -> None:
+def test_exports_begin_where_the_input_had_arrived() -> None:
     """The symbol of what had arrived is the start of its state, in every language that is written from it."""
     found = to_sympy(Model("oscillator", ("linear_stiffness", "input_lag")))
     assert [str(e) for e in found.initial][2:] == ["u_a"]

@@ -57,7 +57,7 @@ class Program:
     #: How fast states of memory forget at most [s^-1], of those that steps need not resolve.
     relaxation: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
     begins: tuple[str, ...] = ()  # see `discovery.mechanics.base.Base.begins`
-    begun: tuple[tuple[sp.Symbol, str], ...] = ()  #: States of memory, and the parameters at which they begin.
+    begun: tuple[tuple[sp.Symbol, str], ...] = ()  # states of memory, and the parameters at which they begin
 
     @cached_property
     def _form(self) -> Callable[..., tuple]:

@@ -279,8 +279,8 @@ class LoopResult(LoopViews):
     def _described(self, effect: str) -> dict[str, Any]:
         """Return what loop.json holds of an added effect."""
         other = self.stand_ins.get(effect)
-        names = [] if effect in UPGRADES else [p.name for p in get_effect(effect).parameters()]
-        own = [n for n in names if self.after.model.parameters[n].own]
+        declared = () if effect in UPGRADES else get_effect(effect).parameters()
+        names, own = [p.name for p in declared], [p.name for p in declared if p.own]
         of_recordings = [n for n in self.after.values if (start := start_of(n)) and start[0] in own]
         parameters = {n: as_read(self.after, n) for n in (*names, *of_recordings) if n in self.after.values}
         if other and other.parameter in parameters and parameters[other.parameter]["sd"] is not None:
