@@ -734,6 +734,50 @@ def test_what_stands_still_before_it_is_driven_is_drafted_as_at_rest(tmp_path: P
     assert not said(3.0 + later + noise, "time_s,voltage_V,speed_rad_s")  # it turns already
 
 
+def test_an_encoder_that_stays_on_its_step_under_a_rising_input_begins_at_rest(tmp_path: Path) -> None:
+    push = 0.1 * TIME / TIME[-1]
+    held = np.maximum(0.0, TIME - 2.0) ** 2
+
+    def said(given: np.ndarray) -> bool:
+        path = written(tmp_path, "a.csv", "time_s,duty,angle_rad", TIME, given, np.round(held / 0.01) * 0.01)
+        return bool(drafted(path)["records"]["train"][0].get("at_rest", False))
+
+    assert said(push)
+    assert not said(1.0 + push)  # it was pushed before, and friction may hold it anywhere
+
+
+def regulated(sign: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the speed of a motor that a controller holds, filtered and in counts, and the input that it chose."""
+    rng, step = np.random.default_rng(8), TIME[1]
+    speed, read, asked, sums, load = 0.0, 0.0, 3.0, 0.0, 0.0
+    found = []
+    for _ in TIME:
+        load += step * (-0.2 * load + 2.0 * rng.standard_normal())
+        sums += step * (asked - read)
+        given = sign * (40.0 * sums + 20.0 * (asked - read))
+        speed += step * (-1.5 * speed + sign * 0.1 * given + load)
+        read += step / 0.6 * (speed - read)
+        found.append((np.round(read, 2), given))
+    speeds, inputs = np.array(found).T
+    return speeds, inputs
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_gain_of_an_input_that_a_controller_chose_has_its_sign(sign: float, tmp_path: Path) -> None:
+    speed, given = regulated(sign)
+    constants = drafted(written(tmp_path, "a.csv", "time_s,PWM,speed_rad_s", TIME, given, speed))["system"]["constants"]
+    assert 0.02 < sign * constants["gain"]["guess"] < 0.5
+    assert constants["damping"]["guess"] > 0.0
+
+
+def test_a_current_drives_where_nothing_else_does(tmp_path: Path) -> None:
+    columns = (TIME, np.sin(TIME), np.sin(TIME + 0.1), np.cos(TIME))
+    both = drafted(written(tmp_path, "a.csv", "time_s,current_mA,PWM,MotorRPM", *columns))["columns"]
+    assert (both["input"]["name"], both["output"]["unit"]) == ("PWM", "rpm")
+    alone = drafted(written(tmp_path, "b.csv", "time_s,current_mA,speed_rad_s", *columns[:2], columns[3]))
+    assert alone["columns"]["input"]["name"] == "current_mA"
+
+
 @pytest.mark.parametrize("noise", [0.5, 2.0])
 def test_a_few_readings_of_a_swing_are_no_rest(noise: float, tmp_path: Path) -> None:
     """In 12 ms a swing of 0.1 m/s goes no farther than its noise."""

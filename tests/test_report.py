@@ -219,7 +219,7 @@ def test_what_is_named_beside_a_model_error_is_named(tmp_path: Path) -> None:
         "saw falls from 2.98 to 0.473 mm (noise floor 0.424 mm). What is left is a model error of 0.0800 mm, 8 % of "
         "that before; it depends on deflection and rate."
     )
-    edge = {"value": 0.3, "unit": "s"}
+    edge = {"value": 0.3, "unit": "s", "others": []}
     results["loop"]["cautions"] = [{"code": "effect_edge", "about": "tau", "effect": "sensor_delay", "numbers": edge}]
     write_json(tmp_path / "results.json", results)
     page = build_report(tmp_path).read_text(encoding="utf-8")
@@ -236,7 +236,7 @@ def test_a_model_error_that_shows_held_out_alone_is_told(tmp_path: Path) -> None
     results["loop"] = _loop(results, "partly_explained", DELAY)
     results["loop"]["model_error"] |= {"after": 4e-5, "share": 0.04, "held": 6e-5}
     assert headline(Run(tmp_path, results)).endswith(
-        "What is left is a model error of 0.0400 mm, 4 % of that before, and of 0.0600 mm held out; it depends on "
+        "What is left is a model error of 0.0400 mm, 4 % of that before, 0.0600 mm held out; it depends on "
         "deflection and rate."
     )
     # Where the evidence for any is weak, one above what counts as none held out is not said to lie below it.
@@ -248,7 +248,7 @@ def test_a_model_error_that_shows_held_out_alone_is_told(tmp_path: Path) -> None
     assert model_error_words(complete).endswith("counts as none")
     # So is one that is far larger than that of training.
     left = {**results["loop"], "model_error": results["loop"]["model_error"] | {"after": 8e-5, "held": 1.7e-4}}
-    assert ", and of 0.170 mm held out; it depends on" in model_error_words(left)
+    assert ", 0.170 mm held out; it depends on" in model_error_words(left)
     left["model_error"]["held"] = 1.5e-4
     assert "held out" not in model_error_words(left)
 

@@ -66,19 +66,19 @@ class Caution:
     #: hangs on, if there is one; empty where it is about the whole answer.
     about: str = ""
     effect: str = ""  # the effect that was added with the parameter; empty otherwise
-    #: Of an edge `value` and `unit`; of a strayed constant its `guess`, too, and `others` that stray; of a miss `rms`,
-    #: `unit`, `ratio` (over the noise), the rms of training (`trained`), whether that counts as none (`explains`), the
-    #: `scatter` about the mean, and `beyond`, whether all of it moves farther than training, and where it is
-    #: about a parameter `undetermined`, see `diagnosis.undetermined`: its `value`, `sd` and `unit`, whether it is a
-    #: `constant` that a rig file may state, by how many `sds` it would move, which part of the error is `left` then; of
-    #: a burst `start`, `stop` [s], `share` of what is left, whether the input jumps there (`input_jumps`), and whether
-    #: the recording `begins` there and is said to rest then (`at_rest`); of stamps their rms `deviation` from a clock
-    #: of a `step` [s], and the `share` that this explains of what is left; of what is like
-    #: noise `ratio` and `autocorrelation`; of what is not carried by how many times the error falls in training
-    #: (`train`) and held out (`held`); of scattered readings `rms`, `unit`, `noise`, their `ratio`, whether that noise
-    #: is `estimated`, the `memory` of the errors (see `estimation.residual.memory`), whether it counts as none
-    #: (`white`), and whether they are those of training (`trained`); of quiet ones `rms`, `unit`, `noise`, its `ratio`
-    #: to it, and `trained`.
+    #: Of an edge `value`, `unit`, and `others` of the same effect that are at one; of a strayed constant its `guess`,
+    #: too, and `others` that stray; of a miss `rms`, `unit`, `ratio` (over the noise), the rms of training
+    #: (`trained`), whether that counts as none (`explains`), the `scatter` about the mean, and `beyond`, whether all
+    #: of it moves farther than training, and where it is about a parameter `undetermined`, see
+    #: `diagnosis.undetermined`: its `value`, `sd` and `unit`, whether it is a `constant` that a rig file may state, by
+    #: how many `sds` it would move, which part of the error is `left` then; of a burst `start`, `stop` [s], `share` of
+    #: what is left, whether the input jumps there (`input_jumps`), and whether the recording `begins` there and is
+    #: said to rest then (`at_rest`); of stamps their rms `deviation` from a clock of a `step` [s], and the `share`
+    #: that this explains of what is left; of what is like noise `ratio` and `autocorrelation`; of what is not carried
+    #: by how many times the error falls in training (`train`) and held out (`held`); of scattered readings `rms`,
+    #: `unit`, `noise`, their `ratio`, whether that noise is `estimated`, the `memory` of the errors (see
+    #: `estimation.residual.memory`), whether it counts as none (`white`), and whether they are those of training
+    #: (`trained`); of quiet ones `rms`, `unit`, `noise`, its `ratio` to it, and `trained`.
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:

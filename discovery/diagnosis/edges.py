@@ -27,12 +27,18 @@ _FARTHER = 3.0
 
 
 def at_edges(fitted: Fit, added: Iterable[str]) -> list[Caution]:
-    """Return the parameters of a fit at an edge that is no zero, see `discovery.estimation.problem.Problem.edges`."""
+    """Return the parameters of a fit at an edge that is no zero, see `discovery.estimation.problem.Problem.edges`.
+
+    Of several of one added effect the first is told, the others beside it.
+    """
     owner = {p.name: e for e in {*added}.intersection(fitted.model.effects) for p in get_effect(e).parameters()}
-    found = []
+    at_edge: dict[str, list[str]] = {}
     for name in fitted.problem.edges(fitted.minimum.x):
-        numbers = {"value": fitted.values[name], "unit": fitted.told(name)["unit"]}
-        found.append(Caution("effect_edge" if name in owner else "declared_edge", name, owner.get(name, ""), numbers))
+        at_edge.setdefault(owner.get(name, name), []).append(name)
+    found = []
+    for of, (name, *others) in at_edge.items():
+        numbers = {"value": fitted.values[name], "unit": fitted.told(name)["unit"], "others": others}
+        found.append(Caution("declared_edge" if of == name else "effect_edge", name, owner.get(name, ""), numbers))
     return found
 
 

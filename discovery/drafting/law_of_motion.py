@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import lombscargle
+from scipy.signal import lfilter, lombscargle
 
 from discovery.declarations.units import si_symbol
 from discovery.foundation.arrays import FloatArray
@@ -38,6 +38,8 @@ LOOKS = {
 #: A line is sought from so many times shorter to as many times longer periods, at so many of them, from so many
 #: readings.
 _NEXT, _TRIED, _ENOUGH = 1.4, 400, 600
+#: The least loss that is sought, over a recording, and how many are tried up to one a reading.
+_LEAST_LOSS, _LOSSES = 0.1, 60
 
 
 def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -> float | None:
@@ -125,7 +127,28 @@ def rates_of(
     columns += [] if speed else [t, t**2]
     columns += [integral(integral(y))] if spring else []
     weights = least_squares(np.column_stack(columns), y)[1]
-    return float(-weights[0]), float(weights[1])
+    if weights[0] < 0.0 or given is None or spring:
+        return float(-weights[0]), float(weights[1])
+    return _lossy_rates(t, y, given[good], speed=speed)
+
+
+def _lossy_rates(time: FloatArray, output: FloatArray, given: FloatArray, *, speed: bool) -> tuple[float, float]:
+    """Return d and b of the motion with a loss that comes nearest to what was read; see `rates_of`.
+
+    An input that a controller chose follows what was read, and least squares of the law itself then find it driving
+    itself. The motion that such a law predicts does not.
+    """
+    grid = np.linspace(0.0, time[-1], time.size)
+    y, u, step = np.interp(grid, time, output), np.interp(grid, time, given), grid[1]
+    best = (np.inf, 0.0, 0.0)
+    for d in np.geomspace(_LEAST_LOSS / time[-1], 1.0 / step, _LOSSES):
+        kept = np.exp(-d * step)
+        driven, coasting = lfilter(np.full(2, (1.0 - kept) / (2.0 * d)), [1.0, -kept], u), np.exp(-d * grid)
+        if not speed:
+            driven, coasting = (cumulative_trapezoid(x, grid, initial=0) for x in (driven, coasting))
+        left, weights = least_squares(np.column_stack([driven, coasting, *([] if speed else [np.ones_like(grid)])]), y)
+        best = min(best, (left, float(d), float(weights[0])))
+    return best[1:]
 
 
 def telling_part(output: FloatArray) -> NDArray[np.intp]:

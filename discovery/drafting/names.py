@@ -39,6 +39,8 @@ _GRAVITIES = {"g": "g_0", "mg": "mg_0"}
 _REVOLUTIONS, _REVOLUTION = {"turns", "revolutions", "revs"}, {"turn", "revolution", "rev"}
 _COUNTED = {"count", "counts", "counter", "number", "total"}
 _SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "cps", "drehzahl"}
+#: A current through a motor answers its voltage and how it turns: it drives where nothing else is named that does.
+_CURRENTS = {"current", "i", "strom", "amps"}
 _ASKED = {"setpoint", "target", "reference", "desired", "goal", "sollwert", "consigne"}
 _OTHERS = {"temperature", "battery", "supply", "error", "err", "uncertainty", "sd", "std"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.
@@ -84,6 +86,8 @@ def meaning_of(name: str) -> Meaning:
     Meaning(role='speed', unit='rad/s')
     >>> meaning_of("wheel_turns"), meaning_of("ax_g")
     (Meaning(role='motion', unit='rev'), Meaning(role='acceleration', unit='g_0'))
+    >>> meaning_of("MotorRPM") == meaning_of("rpm_left") == meaning_of("speed_rpm")
+    True
     >>> meaning_of("reading")
     Meaning(role='', unit=None)
     """
@@ -92,6 +96,7 @@ def meaning_of(name: str) -> Meaning:
     if unit == "A" and _role(words, None) not in ("cause", ""):
         unit = None  # the first of several signals: nothing but a current is read in amperes
     unit = "rev" if unit is None and _counts_turns(words) else unit
+    unit = "rpm" if unit is None and "rpm" in words else unit
     role = _role(words, unit)
     if unit in _GRAVITIES and role in ("acceleration", "motion", "moved") and not _WEIGHED.intersection(words):
         return Meaning("acceleration", _GRAVITIES[unit])
@@ -125,6 +130,17 @@ def is_asked_for(name: str) -> bool:
     """
     words = words_of(name)
     return bool(_ASKED.intersection(words)) or ("set", "point") in pairwise(words)
+
+
+def is_current(name: str, meaning: Meaning) -> bool:
+    """Return whether a name is that of a current.
+
+    Examples
+    --------
+    >>> is_current("I_motor", meaning_of("I_motor")), is_current("PWM", meaning_of("PWM"))
+    (True, False)
+    """
+    return (meaning.unit is not None and si_symbol(meaning.unit) == "A") or bool(_CURRENTS.intersection(words_of(name)))
 
 
 def _split(name: str) -> tuple[str, str | None]:

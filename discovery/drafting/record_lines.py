@@ -31,7 +31,7 @@ def quoted_text(value: str) -> str:
 
 
 def begins_at_rest(found: Signals) -> bool:
-    """Whether nothing moves where a recording begins, for as long as its input does not either.
+    """Whether nothing moves where a recording begins, for as long as its input does not either, or friction holds it.
 
     A rate that the first readings leave open must be little beside those of the motion that follows.
     """
@@ -40,6 +40,9 @@ def begins_at_rest(found: Signals) -> bool:
     given, read, time = found.input.values, found.output.values, found.seconds
     changed = np.flatnonzero(given != given[0])
     count = int(changed[0]) if changed.size else 0
+    if abs(given[0]) <= _LITTLE * np.nanmax(np.abs(given)):
+        left_where = np.flatnonzero(read != read[0])  # equal readings, in steps of an encoder, outlast a first push
+        count = max(count, int(left_where[0]) if left_where.size else 0)
     if count < _STILL or not np.isfinite(first := read[:count]).all():
         return False
     lasts = float(time[count - 1] - time[0])

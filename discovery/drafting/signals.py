@@ -12,7 +12,7 @@ import numpy as np
 from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.columns import numbers_of
 from discovery.drafting.guessed_units import counts_frames, guessed_unit
-from discovery.drafting.names import Meaning, meaning_of, words_of
+from discovery.drafting.names import Meaning, is_current, meaning_of, words_of
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.errors import InputError, suggestion
 from discovery.foundation.io import Table, read_table
@@ -250,9 +250,9 @@ def _first(
 
 
 def _input(names: Sequence[str], meanings: Mapping[str, Meaning], taken: str | None) -> str | None:
-    """Return the column of what drives: a cause, rather one whose unit is stated, else the motion of a base."""
-    stated = [name for name in names if meanings[name].unit is not None]
-    return _first(stated, meanings, ("cause",), taken) or _first(names, meanings, ("cause", "moved"), taken)
+    """Return the column of what drives: a cause, no current, with a unit, before others; else the motion of a base."""
+    of = sorted(names, key=lambda name: (is_current(name, meanings[name]), meanings[name].unit is None))
+    return _first(of, meanings, ("cause", "moved"), taken)
 
 
 def _output(path: Path, names: Mapping[str, FloatArray], meanings: Mapping[str, Meaning]) -> str | None:

@@ -21,6 +21,11 @@ def _value(found: Record) -> str:
     return f"{found['about']} = {figures(found['numbers']['value'])} {'' if unit == '1' else unit}".rstrip()
 
 
+def _beside(found: Record) -> str:
+    others = found["numbers"]["others"]
+    return f", and so {'does' if len(others) == 1 else 'do'} {listed(others)}" if others else ""
+
+
 def _estimate(found: Record, value: str = "value", sd: str = "sd") -> str:
     return estimate_text(*(found["numbers"][key] for key in (value, sd, "unit")))
 
@@ -199,8 +204,8 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
     "far_start": _far_start,
     "acausal": _acausal,
     "effect_edge": lambda found: (
-        f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}: before you believe it, "
-        "check units, signs, and constants that the rig file states"
+        f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}{_beside(found)}: before "
+        "you believe it, check units, signs, and constants that the rig file states"
     ),
     "untold": lambda found: (
         f"{effect_name(found['effect'])} serves, but none of its sizes lies 3 sds from zero, {found['about']} = "

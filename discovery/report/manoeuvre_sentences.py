@@ -137,8 +137,9 @@ def _what_to_do(found: Record) -> str:
             for m in moves
         )
     unit = found["columns"][1].removeprefix("input_").replace("_", " ")
+    by = "" if unit == "1" else f" {unit}"
     return "; ".join(
-        f"at {m.start:.3g} s move the input by {m.angle:+.3g} {unit} within {m.duration:.3g} s, ramps "
+        f"at {m.start:.3g} s move the input by {m.angle:+.3g}{by} within {m.duration:.3g} s, ramps "
         f"{m.ramp * m.duration:.3g} s"
         for m in moves
     )

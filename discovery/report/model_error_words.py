@@ -48,7 +48,7 @@ def held_words(error: Record) -> str:
     if after is None or held is None or not held > (_TIMES * after if after > least else least):
         return ""
     (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
-    return f", and of {size} {unit}".rstrip() + " held out"
+    return f", {size} {unit}".rstrip() + " held out"
 
 
 def depends_words(error: Record) -> str:

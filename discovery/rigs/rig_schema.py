@@ -67,7 +67,8 @@ class TimeTable(Table):
     jitter: Annotated[FiniteFloat, Field(ge=0)] | None = Field(
         default=None,
         description="Standard deviation of the error of a time stamp. Left out, it is estimated from readings "
-        "that scatter more where they move fast; 0 takes the stamps as right. A table `[view]` does so, too.",
+        "that scatter more where they move fast; 0 takes each stamp as right, as a table `[view]` does. A clock "
+        "that goes wrong, `time_base_error`, is sought all the same.",
     )
 
 
