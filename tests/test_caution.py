@@ -30,6 +30,7 @@ from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.model import Model
 from discovery.estimation.declared import first_fit
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.holdout import SEPARATE
 from discovery.estimation.log_evidence import Evidence
 from discovery.estimation.natural_units import natural_units
 from discovery.estimation.problem import Problem
@@ -114,25 +115,32 @@ def test_a_shape_at_either_end_is_doubted() -> None:
     bounds = np.array([parameters[n].bounds for n in names]).T
     model = SimpleNamespace(parameters=parameters, effects=effects)
 
-    def found(x: list[float], **gaussian: tuple[float, float]) -> list[tuple[str, str]]:
+    def told_of(x: list[float], added: int, **gaussian: tuple[float, float]) -> list[Caution]:
         problem: Any = SimpleNamespace(free=names, bounds=bounds, gaussian=gaussian, model=model)
         problem.edges = partial(Problem.edges, problem)
         told, values = (lambda n: {"unit": parameters[n].unit}), dict(zip(names, x, strict=True))
         minimum = SimpleNamespace(x=np.array(x))
         fitted: Any = SimpleNamespace(problem=problem, minimum=minimum, told=told, values=values, model=model)
-        return [(c.about, c.effect) for c in at_edges(fitted, effects[:1])]
+        return at_edges(fitted, effects[:added])
+
+    def found(x: list[float], **gaussian: tuple[float, float]) -> list[tuple[str, str]]:
+        return [(c.about, c.effect) for c in told_of(x, 1, **gaussian)]
 
     added, declared = ("w_h_joint", effects[0]), ("omega_2", "")
     assert found([3.0, 2.0, 1000.0]) == [added, ("zeta_2", ""), declared]
     assert found([0.003, 0.0, 0.02]) == [added, declared]
     assert found([0.0035, 0.05, 0.5]) == []
+    # Of several values of an added effect one doubt tells.
+    _, both = told_of([3.0, 2.0, 1000.0], 2)
+    assert (both.about, both.effect, both.numbers["others"]) == ("zeta_2", "second_mode", ["omega_2"])
+    assert ", and so does omega_2: before you believe it" in caution_sentence(both.summary())
     # What a law holds by convention is known.
     assert found([3.0, 0.05, 0.5], w_h_joint=(1.0, 1.0)) == []
 
 
 def told(hold: float, *, train: float = 1.0, where: str = "outside") -> dict[str, Any]:
     after = {"train": {"rms": train}, "holdout": {"rms": hold}, f"holdout_{where}": {"rms": hold}}
-    return {"after": after, "noise_floor": 1.0, "unit": "m", "holdout_scatter": 19.0}
+    return {"after": after, "noise_floor": 1.0, "unit": "m", "holdout_scatter": 19.0, "holdout_kind": SEPARATE}
 
 
 def test_a_hold_out_that_is_missed_is_told() -> None:
@@ -146,6 +154,9 @@ def test_a_hold_out_that_is_missed_is_told() -> None:
     assert inside is not None
     assert "scatter" not in caution_sentence(inside.summary())
     assert caution_sentence(inside.summary()).endswith("changed, or does training tell too little of the law?")
+    same = missed({**told(18.0, where="inside"), "holdout_kind": "last third"}, left=0.1, held=5.0, least=0.3)
+    assert same is not None
+    assert "did something change meanwhile, or does training tell" in caution_sentence(same.summary())
     # Averages are noise inside the range of training: readings scatter, and another doubt says so.
     assert missed(told(20.0, where="inside"), left=0.1, held=0.1, least=0.3) is None
     # Noise that is stated too small shows in training as well.

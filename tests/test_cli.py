@@ -35,6 +35,7 @@ from discovery.cli.stages import NOISES
 from discovery.declarations.registry import catalogue
 from discovery.declarations.system import System
 from discovery.diagnosis.caution import missed
+from discovery.estimation.holdout import SEPARATE
 from discovery.foundation.errors import ComputationError, InputError
 from discovery.mechanics.upgrades import UPGRADES
 from discovery.posterior.noise import GAUSSIAN, NOISE_MODELS, words_of
@@ -650,7 +651,7 @@ def answer(**more: Any) -> SimpleNamespace:
 
 def test_a_loop_says_its_cautions() -> None:
     after = {"train": {"rms": 1.0}, "holdout": {"rms": 9.0}, "holdout_outside": {"rms": 9.0}}
-    beyond = {"after": after, "noise_floor": 1.0, "unit": "m", "holdout_scatter": 9.0}
+    beyond = {"after": after, "noise_floor": 1.0, "unit": "m", "holdout_scatter": 9.0, "holdout_kind": SEPARATE}
     found = missed(beyond, left=0.0, held=0.0, least=1.0)
     (doubt,) = doubts(answer(cautions=[found]), SimpleNamespace(rig=SimpleNamespace(unfilled=())))
     assert doubt.startswith("the model explains the training recordings to 1 m (rms) and misses the held-out ones")

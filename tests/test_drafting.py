@@ -778,6 +778,19 @@ def test_a_current_drives_where_nothing_else_does(tmp_path: Path) -> None:
     assert alone["columns"]["input"]["name"] == "current_mA"
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_place_that_accelerates_as_gravity_does_is_that_of_a_fall(way: float, tmp_path: Path) -> None:
+    """Counted upwards, or downwards as a motion sensor above it does."""
+    time = np.arange(120) / 200.0
+    rng = np.random.default_rng(2)
+    fallen = 0.5 * time + 4.8 * time**2 + 2e-4 * rng.standard_normal(time.size)
+    document = drafted(written(tmp_path, "a.csv", "time_s,Posición (m)", time, 0.3 + way * fallen))
+    assert document["kind"] == "falling_body"
+    assert document["columns"]["output"].get("scale", 1) == -way
+    slope = drafted(written(tmp_path, "b.csv", "time_s,Posición (m)", time, 0.3 + 0.4 * way * fallen))
+    assert slope["kind"] == "system"
+
+
 @pytest.mark.parametrize("noise", [0.5, 2.0])
 def test_a_few_readings_of_a_swing_are_no_rest(noise: float, tmp_path: Path) -> None:
     """In 12 ms a swing of 0.1 m/s goes no farther than its noise."""

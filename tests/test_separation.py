@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from copy import copy
 from dataclasses import asdict, replace
 from functools import cache, reduce
@@ -260,6 +261,11 @@ def test_what_no_manoeuvre_decides_is_said_and_no_course_is_written(tmp_path: Pa
     assert separation_sentence(weak.summary()).startswith("No manoeuvre within the safe limits (1.5 rad, 2 rad/s, ")
     assert "tells table_tilt, encoder_ripple apart" in separation_sentence(weak.summary())
     assert "an expected chi-square of 2.1, and less than 10 may be chance" in separation_sentence(weak.summary())
+    assert found.left < 1.0 < found.designed.projected
+    hidden = replace(found, left=2.0 * found.designed.projected)
+    assert not hidden.decides
+    said = r"table_tilt, encoder_ripple apart: the [\d.]+ noise sds rms of model error that are left hide the [\d.]+ of"
+    assert re.search(said, separation_sentence(hidden.summary()))
     result: Any = SimpleNamespace(separations=(weak, found), summary=dict)
     (tmp_path / "manoeuvre_1.csv").touch()
     write_loop(tmp_path, result)

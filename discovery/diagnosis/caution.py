@@ -14,6 +14,7 @@ import numpy as np
 
 from discovery.declarations.effect import Sensor
 from discovery.estimation.fit import Fit
+from discovery.estimation.holdout import SEPARATE
 from discovery.estimation.residual import ResidualReport, memory
 from discovery.foundation.arrays import FloatArray
 from discovery.foundation.sampling import median_step
@@ -127,6 +128,7 @@ def missed(errors: Mapping[str, Any], *, left: float, held: float, least: float)
     if not (rms > (SCATTERED if explains else _ELSEWHERE) * usual and (beyond or held > least)):
         return None
     numbers = {"rms": rms, "unit": errors["unit"], "ratio": rms / (floor if explains else usual), "beyond": beyond}
+    numbers["continued"] = errors["holdout_kind"] != SEPARATE
     numbers |= {"explains": explains, "trained": after["train"]["rms"], "scatter": errors["holdout_scatter"]}
     return Caution("missed", numbers=numbers)
 

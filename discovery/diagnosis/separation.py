@@ -64,6 +64,7 @@ class Separation:
     #: that was tried exceeds the deflection that is allowed.
     given: Distance
     designed: Distance
+    left: float  # model error that the best rival leaves of the given recordings [noise sds rms]
     deflection: float  # largest deflection that a rival predicts, as it is read
     evaluations: int  # manoeuvres tried
     release: float = 0.0  # the place where the system is let go, at no speed [q]; zero where its input moves it
@@ -74,8 +75,11 @@ class Separation:
 
     @property
     def decides(self) -> bool:
-        """Whether the manoeuvre can be expected to tell the laws apart, and better than the given recordings do."""
-        better = self.designed.projected > self.given.projected
+        """Whether the manoeuvre can be expected to tell the laws apart, and better than the given recordings do.
+
+        Laws that differ by less than the model error that is left are hidden by it.
+        """
+        better = self.designed.projected > max(self.given.projected, self.left)
         return len(self.clusters) > 1 and self.designed.chi2 >= _DECIDES and better
 
     def csv(self) -> str:
@@ -98,6 +102,7 @@ class Separation:
             "predicted": [] if self.moves else [[float(f"{v:.6g}") for v in row] for row in self.table.tolist()],
             "given": asdict(self.given),
             "designed": asdict(self.designed),
+            "left": self.left,
             "deflection": self.deflection,
             "evaluations": self.evaluations,
             "decides": self.decides,
@@ -180,7 +185,9 @@ def _rivals(names: tuple[str, ...], fits: Sequence[Fit], laws: Laws) -> dict[str
     """Return what a separation says of its rivals whatever moves the system."""
     first = fits[0].problem.bench.experiments[0]
     units = {"unit": first.coordinate_unit, "deflection_unit": first.deflection_unit}
-    return {"rivals": names, "clusters": laws.groups(names), "similarities": similarity_matrix(fits), **units}
+    left = float(np.sqrt(max(0.0, min(f.reduced_chi2 for f in fits) - 1.0)))
+    likeness = similarity_matrix(fits)
+    return {"rivals": names, "clusters": laws.groups(names), "similarities": likeness, "left": left, **units}
 
 
 def _laws(fits: Sequence[Fit], tried: Sequence[Pairs]) -> tuple[Laws, Distance]:

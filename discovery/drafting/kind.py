@@ -9,16 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from discovery.declarations.unit_suffixes import split_suffix
-from discovery.declarations.units import si_symbol
+from discovery.declarations.units import si_factor, si_symbol
 from discovery.drafting.centre import centre_of
 from discovery.drafting.force_view import is_seen_as_force
-from discovery.drafting.law_of_motion import own_period, rates_of
+from discovery.drafting.law_of_motion import acceleration_of, own_period, rates_of
 from discovery.drafting.signals import Signals
 from discovery.foundation.errors import InputError
 from discovery.recordings.file_signals import ARM_OUTPUTS, ARM_STEMS
 from discovery.recordings.running_on import comes_back, counts_up, goes_back, runs_on
 from discovery.rigs.kinds import Kind
 
+#: Part of the way that a fall may leave of a parabola, and its acceleration over that of gravity: drag takes some.
+_PARABOLA, _FALL = 0.02, (0.75, 1.1)
 #: Which derivative of a coordinate is read, by the unit of the output.
 _READ = {
     **{"m": "x", "m/s": "dot(x)", "m/s^2": "ddot(x)"},
@@ -69,9 +71,11 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         return Guess("drive", "a force is read, and the motion that takes it is given")
     if found.reads == "speed":
         return Guess("system", "a speed is read by a system in its own equations: docs/YOUR_SYSTEM.md")
-    falls = found.reads == "height" and found.input is None and unit == "m"
-    if falls and swing_of([found]) is None:  # a bob on a spring has a height, too
-        return Guess("falling_body", f"the output is a height, and {free}")
+    if found.input is None and unit == "m":
+        if found.reads == "height" and swing_of([found]) is None:  # a bob on a spring has a height, too
+            return Guess("falling_body", f"the output is a height, and {free}")
+        if not found.output.guessed and _falls(found):
+            return Guess("falling_body", f"it accelerates as what falls does, and {free}")
     if found.moved and found.input is not None and {unit, si_symbol(found.input.unit)} <= {"m", "rad", "1"}:
         return Guess("base_excited", f"{found.input.name!r} is the motion of a base")
     hanging = "pend" in f"{found.path.stem} {found.output.name}".lower()
@@ -99,6 +103,14 @@ def guess_kind(recordings: Sequence[Signals]) -> Guess:
         return Guess("drive", f"an input moves it, and {looked} {shows} about a place of rest")
     back = f"in {swing.path.name} it swings about its rest, once in about {swing.period:.3g} s"
     return Guess(turned, back)
+
+
+def _falls(found: Signals) -> bool:
+    """Whether a place is read that moves along a parabola with the acceleration of gravity, or hardly less."""
+    if found.reads in ("acceleration", "speed"):
+        return False
+    acceleration, left = acceleration_of(found.seconds, found.output.si)
+    return left < _PARABOLA and _FALL[0] < abs(acceleration) / si_factor("g_0") < _FALL[1]
 
 
 def _turns_back_beyond_half_a_turn(found: Signals) -> bool:

@@ -163,6 +163,25 @@ def telling_part(output: FloatArray) -> NDArray[np.intp]:
     return good[passages[first] : passages[first + _PASSAGES - 1]]
 
 
+def acceleration_of(time: FloatArray, output: FloatArray) -> tuple[float, float]:
+    """Return the acceleration of the parabola next to a motion, and what that leaves over how far the motion goes.
+
+    `time`, `output` (n,): times [s] and places; NaN marks gaps.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 1, 50)
+    >>> fall, left = acceleration_of(t, 2.0 + t - 4.9 * t**2)
+    >>> round(fall, 6), left < 1e-9
+    (-9.8, True)
+    """
+    good = np.isfinite(output)
+    t, y = time[good] - time[good][0], output[good]
+    weights = np.polynomial.polynomial.polyfit(t, y, 2)
+    left = y - np.polynomial.polynomial.polyval(t, weights)
+    return 2.0 * float(weights[2]), float(np.std(left) / max(np.ptp(y), np.finfo(float).tiny))
+
+
 def least_squares(columns: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
     """Return the sum of squares that least squares leave, and the weight of each column."""
     size = np.linalg.norm(columns, axis=0)

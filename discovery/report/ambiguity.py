@@ -96,7 +96,8 @@ def separation_table(run: Run) -> Table | None:
         "between laws. Similarity: largest cosine between sensitivities of their fits. Apart: rms difference of their "
         "predictions that readjusted parameters cannot absorb [noise sds]. "
         f"Expected: chi-square by which the right one will win once the designed manoeuvre is recorded; below "
-        f"{designs[0]['decides_from']:g} it may be chance, and no manoeuvre within the limits decides."
+        f"{designs[0]['decides_from']:g} it may be chance, and no manoeuvre within the limits decides; where laws lie "
+        "apart by less than the model error that is left, none does either."
     )
     if files := [f"manoeuvre_{i}.csv" for i, d in enumerate(designs, 1) if d["decides"]]:
         caption += f" The course, or what is predicted after a release, is in {listed(files)}."

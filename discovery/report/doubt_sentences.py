@@ -86,7 +86,8 @@ def _missed(found: Record) -> str:
     if numbers["rms"] > numbers["scatter"]:
         scatter = quoted(numbers["scatter"], numbers["unit"])
         times = f"{times}, and more than the {scatter} by which these scatter about their mean"
-    why = _hung(found) if found["about"] else f": has the rig or its payload changed, or does {other}?"
+    changed = "did something change meanwhile" if numbers["continued"] else "has the rig or its payload changed"
+    why = _hung(found) if found["about"] else f": {changed}, or does {other}?"
     rms, ratio = quoted(numbers["rms"], numbers["unit"]), figures(numbers["ratio"], 2)
     return f"the model {head} by {rms} (rms), {ratio} {times}{why}"
 

@@ -40,7 +40,8 @@ def separation_sentence(found: Record) -> str:
     ]
     if len(laws_of(found)) > 1:
         given, designed = found["given"], found["designed"]
-        hidden = designed["projected"] <= given["projected"] and designed["chi2"] >= found["decides_from"]
+        known = max(given["projected"], found.get("left", 0.0))
+        hidden = designed["projected"] <= known and designed["chi2"] >= found["decides_from"]
         said.append(_promise(found) if found["decides"] else _hidden(found) if hidden else _undecided(found))
     return " ".join(said)
 
@@ -59,11 +60,15 @@ def _promise(found: Record) -> str:
 
 
 def _hidden(found: Record) -> str:
-    """Return that no manoeuvre tells laws apart better than the given recordings do."""
+    """Return that no manoeuvre tells laws apart better than the given recordings do, or beyond the model error."""
     given, designed = (figures(found[k]["projected"], 2) for k in ("given", "designed"))
+    none = f"Of {found['evaluations']} manoeuvres tried none tells {', '.join(laws_apart(found))} apart"
+    if found["designed"]["projected"] > found["given"]["projected"]:
+        left = figures(found["left"], 2)
+        return f"{none}: the {left} noise sds rms of model error that are left hide the {designed} of the best."
     return (
-        f"Of {found['evaluations']} manoeuvres tried none tells {', '.join(laws_apart(found))} apart better than the "
-        f"given recordings ({designed} noise sds rms, {given} on these): the model error that is left hides it."
+        f"{none} better than the given recordings ({designed} noise sds rms, {given} on these): the model error that "
+        "is left hides it."
     )
 
 

@@ -17,13 +17,15 @@ def model_error_words(loop: Record) -> str:
     One that counts as none depends on nothing.
     """
     error = loop["model_error"]
-    (before, after, least), unit = sizes([error[k] for k in ("before", "after", "least")], error["unit"])
+    values = [*(error[k] for k in ("before", "after", "least")), _told_held(error)]
+    (before, after, least, held), unit = sizes(values, error["unit"])
     words = (after if before == after else f"{before} -> {after}") + f" {unit}".rstrip()
     words += f", {share_words(error)} is left" if before != after and share_words(error) else ""
     none = loop["verdict"] in AS_NONE
     hidden = none and not _is_small(error)
     limit = "it cannot be told from none" if hidden else f"up to {least} {unit}".strip() + " counts as none"
-    return f"{words}{held_words(error)}{'' if none else depends_words(error)}; {limit}"
+    words += f", {held} {unit}".rstrip() + " held out" if _told_held(error) is not None else ""
+    return f"{words}{'' if none else depends_words(error)}; {limit}"
 
 
 def share_words(error: Record) -> str:
@@ -43,17 +45,24 @@ def as_none(error: Record) -> str:
 
 
 def held_words(error: Record) -> str:
-    """Return the model error held out, where that alone is more than none, or twice as large as in training."""
-    after, held, least = error["after"], error.get("held"), error["least"]
-    if after is None or held is None or not held > (_TIMES * after if after > least else least):
+    """Return the model error held out, where it is told beside that of training."""
+    if (held := _told_held(error)) is None:
         return ""
-    (*_, size), unit = sizes([error[k] for k in ("before", "after", "held")], error["unit"])
+    (*_, size), unit = sizes([error["before"], error["after"], held], error["unit"])
     return f", {size} {unit}".rstrip() + " held out"
 
 
 def depends_words(error: Record) -> str:
     """Return what a model error depends on; empty where that is nothing."""
     return f"; it depends on {listed(map(effect_name, error['depends_on']))}" if error["depends_on"] else ""
+
+
+def _told_held(error: Record) -> float | None:
+    """Return the model error held out, where that alone is more than none, or twice as large as in training."""
+    after, held, least = error["after"], error.get("held"), error["least"]
+    if after is None or held is None or not held > (_TIMES * after if after > least else least):
+        return None
+    return float(held)
 
 
 def _is_small(error: Record) -> bool:
