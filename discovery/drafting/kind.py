@@ -214,6 +214,8 @@ def _body(recordings: Sequence[Signals], output: str) -> Iterator[str]:
         yield f'input = {{ {"base" if base else "drive"} = "{body.force if force else unit}" }}'
     yield f'kinetic = "{body.inertia}*{rate}^2/2"'
     yield f'{"" if springs else "# "}potential = "stiffness*{way}^2/2"   # of a spring'
+    if body is _TURNS and unit is None:
+        yield f'# potential = "-stiffness*cos({at})"   # of a pendulum, instead'
     yield f'dissipation = "damping*{slip}^2/2"'
     if unit is not None and not base:
         yield f'forces = {{ {at} = "{"drive" if force else "gain*drive"}" }}'
