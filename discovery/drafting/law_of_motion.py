@@ -38,8 +38,8 @@ LOOKS = {
 #: A line is sought from so many times shorter to as many times longer periods, at so many of them, from so many
 #: readings.
 _NEXT, _TRIED, _ENOUGH = 1.4, 400, 600
-#: The least loss that is sought, over a recording, and how many are tried up to one a reading.
-_LEAST_LOSS, _LOSSES = 0.1, 60
+#: The least loss that is sought, over a recording, how many are tried up to one a reading,
+_LEAST_LOSS, _LOSSES, _FEWEST = 0.1, 60, 10  # and how few readings tell none
 
 
 def own_period(time: FloatArray, output: FloatArray, given: FloatArray | None) -> float | None:
@@ -138,7 +138,11 @@ def _lossy_rates(time: FloatArray, output: FloatArray, given: FloatArray, *, spe
     An input that a controller chose follows what was read, and least squares of the law itself then find it driving
     itself. The motion that such a law predicts does not.
     """
-    grid = np.linspace(0.0, time[-1], time.size)
+    back = np.flatnonzero(np.diff(time) <= 0.0)  # where another trial begins
+    time = time[: int(back[0]) + 1 if back.size else time.size]
+    if time.size < _FEWEST:
+        return 0.0, 0.0
+    output, given, grid = output[: time.size], given[: time.size], np.linspace(0.0, time[-1], time.size)
     y, u, step = np.interp(grid, time, output), np.interp(grid, time, given), grid[1]
     best = (np.inf, 0.0, 0.0)
     for d in np.geomspace(_LEAST_LOSS / time[-1], 1.0 / step, _LOSSES):
@@ -180,6 +184,20 @@ def acceleration_of(time: FloatArray, output: FloatArray) -> tuple[float, float]
     weights = np.polynomial.polynomial.polyfit(t, y, 2)
     left = y - np.polynomial.polynomial.polyval(t, weights)
     return 2.0 * float(weights[2]), float(np.std(left) / max(np.ptp(y), np.finfo(float).tiny))
+
+
+def is_depth(time: FloatArray, output: FloatArray) -> bool:
+    """Return whether what falls is counted downwards: it grows, the faster the later; a fall that slows down does not.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 1, 50)
+    >>> is_depth(t, 4.9 * t**2), is_depth(t, -4.9 * t**2), is_depth(t, np.exp(-t) - t)
+    (True, False, False)
+    """
+    ends = max(1, output.size // 10)
+    way = float(np.nanmedian(output[-ends:]) - np.nanmedian(output[:ends]))
+    return way > 0.0 and acceleration_of(time, output)[0] > 0.0
 
 
 def least_squares(columns: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:

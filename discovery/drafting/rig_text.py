@@ -16,7 +16,7 @@ from discovery.drafting.centre import centre_of
 from discovery.drafting.force_view import is_seen_as_force, other_way, view
 from discovery.drafting.guessed_units import angle_unit, said_of
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
-from discovery.drafting.law_of_motion import LOOKS, acceleration_of, is_one_line, is_relative
+from discovery.drafting.law_of_motion import LOOKS, is_depth, is_one_line, is_relative
 from discovery.drafting.names import is_asked_for
 from discovery.drafting.record_lines import DIFFERS, begins_at_rest, quoted_text, record_lines, trial_rows, unused_words
 from discovery.drafting.signals import Signal, Signals, find_signals, open_table
@@ -245,7 +245,7 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
         if found.input.name in found.differ:
             yield f"# guessed as the input: it {DIFFERS[0]}. Remove the line if it does not drive"
     more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")
-    if guess.kind == "falling_body" and acceleration_of(time, found.output.si)[0] > 0.0:
+    if guess.kind == "falling_body" and is_depth(time, found.output.si):
         more, so = f"{more}, scale = -1", f"{so}scale guessed: it grows as the body falls, and a height does not; "
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'
