@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from discovery import close_loop, load_dataset
+from discovery import close_loop, declared_model, fit_model, load_dataset
+from discovery.diagnosis.stand_in import seen_aside
 from discovery.drafting.rig_text import draft
 from discovery.equations.program import build_program
+from discovery.estimation.fit import Fit
 from discovery.mechanics.systems import system_base
+from discovery.report.doubt_sentences import caution_sentence
 from discovery.rigs.rig_system import ready_made
 from discovery.simulation.kernel.compile import numpy_derivative
 
@@ -60,6 +65,24 @@ def test_a_free_motion_in_metres_is_drafted_with_the_way_to_declare_it(tmp_path:
     assert "filmed_pendulum" not in draft([turned], tmp_path)
     (rate := tmp_path / "c.csv").write_text(path.read_text().replace("x_mm", "gyro_mrad_s"))
     assert '# potential = "-stiffness*cos(angle)"   # of a pendulum, instead' in draft([rate], tmp_path)
+
+
+@pytest.mark.parametrize(("unit", "sign", "doubted"), [("m", -1.0, True), ("m", 1.0, False), ("rad", -1.0, False)])
+def test_a_spring_that_gives_way_in_metres_is_doubted(unit: str, sign: float, doubted: bool, tmp_path: Path) -> None:
+    path = film(tmp_path / "a.csv", 0.7, 1)
+    rig = (
+        RIG.replace("[system]\nlike", "kind").replace('"filmed_pendulum"', '"oscillator"').replace("x_mm", f"x_m{unit}")
+    )
+    (tmp_path / "rig.toml").write_text(rig.replace('unit = "mm"', f'unit = "m{unit}"'), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("x_mm", f"x_m{unit}"), encoding="utf-8")
+    declared = declared_model(data := load_dataset(tmp_path / "rig.toml", [path]))
+    fitted = fit_model(declared.with_effect("cubic_stiffness"), data)
+    values = {**fitted.values, "beta": sign * abs(fitted.values["beta"])}
+    found = seen_aside(cast(Fit, SimpleNamespace(problem=fitted.problem, values=values)), ["cubic_stiffness"])
+    assert (found is not None) == doubted
+    if found is not None:
+        assert (found.code, found.about, found.effect) == ("seen_aside", "beta", "cubic_stiffness")
+        assert caution_sentence(found.summary()).startswith("cubic stiffness gives way the farther it is bent")
 
 
 @pytest.mark.slow

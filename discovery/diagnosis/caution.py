@@ -58,6 +58,7 @@ class Caution:
     #: "unfinished" (a fit that stopped after so many `iterations` before it met its rule), "stopped" (a search that its
     #: budget ended, with the numbers of that decision), "motionless" (training readings that move by so many `times`
     #: their noise at most),
+    #: "seen_aside" (a spring that gives way in metres, as the sine of an angle does),
     #: "untold" (an added effect of no size 3 sds from zero: `value`, `sd` and `unit` of the first of them),
     #: "acausal" (by how much an output is `ahead` of its input [s], and `sd`), "missed" (the hold-out), and of what is
     #: left "stamps" (that err, see `diagnosis.stamps`), "burst" (where it lies in time), "like_noise" (of the

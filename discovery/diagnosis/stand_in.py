@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from discovery.declarations.registry import catalogue, get_effect
+from discovery.diagnosis.caution import Caution
 from discovery.estimation.fit import Fit
 from discovery.estimation.problem import STATED
 from discovery.rigs.quantities import QUANTITIES
+
+#: Springs that pull alike to both sides: the sine of an angle is such a one, too, where it is read as a length.
+_SYMMETRIC = ("cubic_stiffness", "quintic_stiffness")
 
 
 @dataclass(frozen=True)
@@ -68,3 +73,14 @@ def stand_in(fitted: Fit, effect: str) -> StandIn | None:
     (parameter,) = get_effect(effect).parameters()
     share, unit = fitted.values[parameter.name], QUANTITIES[quantity].unit
     return StandIn(effect, parameter.name, quantity=quantity, share=share, stated=stated.value, sd=stated.sd, unit=unit)
+
+
+def seen_aside(fitted: Fit, added: Iterable[str]) -> Caution | None:
+    """Return an added spring that gives way, in metres, as a bob seen from the side seems to; None without one."""
+    experiment = fitted.problem.bench.experiments[0]
+    system = experiment.system
+    if experiment.drive is not None or system.has_rod or experiment.rig.system or experiment.coordinate_unit != "m":
+        return None
+    springs = {p.name: e for e in added if e in _SYMMETRIC for p in get_effect(e).parameters()}
+    soft = next((name for name in springs if fitted.values[name] < 0.0), None)
+    return None if soft is None else Caution("seen_aside", soft, springs[soft])

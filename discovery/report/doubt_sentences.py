@@ -208,6 +208,10 @@ _SENTENCES: Mapping[str, Callable[[Record], str]] = {
         f"{effect_name(found['effect'])} ends at the edge of what it may be, {_value(found)}{_beside(found)}: before "
         "you believe it, check units, signs, and constants that the rig file states"
     ),
+    "seen_aside": lambda found: (
+        f"{effect_name(found['effect'])} gives way the farther it is bent, and so does the sine of an angle: of a "
+        'pendulum\'s bob that is seen from the side, declare [system] with like = "filmed_pendulum"'
+    ),
     "untold": lambda found: (
         f"{effect_name(found['effect'])} serves, but none of its sizes lies 3 sds from zero, {found['about']} = "
         f"{_estimate(found)}: another law may do the same"

@@ -16,7 +16,7 @@ from discovery.diagnosis.caution import Caution
 from discovery.diagnosis.contradiction import ContradictionReport
 from discovery.diagnosis.separation import Separation
 from discovery.diagnosis.stamps import erring_stamps
-from discovery.diagnosis.stand_in import StandIn, stand_in
+from discovery.diagnosis.stand_in import StandIn, seen_aside, stand_in
 from discovery.diagnosis.undetermined import hung_on
 from discovery.equations.losses import without_losses
 from discovery.estimation.bench import Bench
@@ -211,7 +211,7 @@ class LoopResult(LoopViews):
         if not self.impossible and not self.contradiction.contradictions:
             found += edges.stated_edges(self.after)
         if self.added:
-            found.append(caution.not_carried(self.errors))
+            found += [caution.not_carried(self.errors), seen_aside(self.after, self.added)]
         elif self.complete:
             found.append(caution.motionless([e.recording for e in self.after.problem.bench.experiments]))
         if not self.complete and not self.impossible:
