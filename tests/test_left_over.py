@@ -13,6 +13,7 @@ import pytest
 from discovery.diagnosis.caution import burst, like_noise, not_carried, scattered
 from discovery.equations.model import Model
 from discovery.estimation.fit import Fit, fit
+from discovery.estimation.holdout import SEPARATE
 from discovery.estimation.residual import examine
 from discovery.recordings.drive import Drive
 from discovery.report.doubt_sentences import caution_sentence
@@ -197,7 +198,7 @@ def test_scatter_is_told_once() -> None:
     def told(where: str = "inside", *, train: float = 1.0, held: float = 2.0, known: bool = True, **more: Any) -> Any:
         rms = {"train": {"rms": train}, "holdout": {"rms": held}, f"holdout_{where}": {"rms": held}}
         recording = SimpleNamespace(noise_floor=lambda used: 1.0, noise_estimated=not known)
-        errors = {"unit": "m", "noise_floor": 1.0, "holdout_scatter": 9.0, "after": rms}
+        errors = {"unit": "m", "noise_floor": 1.0, "holdout_scatter": 9.0, "holdout_kind": SEPARATE, "after": rms}
         plain = {"errors": errors, "complete": True, "impossible": True, "steps": ()}
         plain["contradiction"] = SimpleNamespace(contradictions=())
         left = [(recording, np.random.default_rng(1).standard_normal((COUNT, 1)))]
