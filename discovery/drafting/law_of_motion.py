@@ -186,20 +186,6 @@ def acceleration_of(time: FloatArray, output: FloatArray) -> tuple[float, float]
     return 2.0 * float(weights[2]), float(np.std(left) / max(np.ptp(y), np.finfo(float).tiny))
 
 
-def is_depth(time: FloatArray, output: FloatArray) -> bool:
-    """Return whether what falls is counted downwards: it grows, the faster the later; a fall that slows down does not.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 1, 50)
-    >>> is_depth(t, 4.9 * t**2), is_depth(t, -4.9 * t**2), is_depth(t, np.exp(-t) - t)
-    (True, False, False)
-    """
-    ends = max(1, output.size // 10)
-    way = float(np.nanmedian(output[-ends:]) - np.nanmedian(output[:ends]))
-    return way > 0.0 and acceleration_of(time, output)[0] > 0.0
-
-
 def least_squares(columns: FloatArray, y: FloatArray) -> tuple[float, FloatArray]:
     """Return the sum of squares that least squares leave, and the weight of each column."""
     size = np.linalg.norm(columns, axis=0)

@@ -21,8 +21,10 @@ _MOVING = {"m", "mm", "cm", "um", "km", "ft", "deg", "rad", "mrad", "rev", "degr
 _RATE = re.compile(r"(?P<of>[^\W\d_]+)_(?:per_)?(?P<per>s|sec|seconds?|min|h)(?:\^?-?(?P<power>[12]))?")
 _BRACKETS = re.compile(r"(?P<stem>.*?)\s*(?:\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\)|/\s*(?P<slash>\S+))\s*$")
 _TIMES = {*TIMES, "times", "timestamp", "elapsed", "seconds", "clock"}
-_CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "current", "i", "input", "command", "cmd"}
-_CAUSES |= {"excitation", "drive", "pwm", "duty", "thrust", "load", "kraft", "spannung", "strom", "volts", "amps"}
+#: A current through a motor answers its voltage and how it turns: it drives where nothing else is named that does.
+_CURRENTS = {"current", "i", "strom", "amps"}
+_CAUSES = {"u", "f", "force", "torque", "tau", "voltage", "volt", "v", "input", "command", "cmd", *_CURRENTS}
+_CAUSES |= {"excitation", "drive", "pwm", "duty", "thrust", "load", "kraft", "spannung", "volts"}
 _CAUSES |= {"demand", "forzante", "forza", "fuerza", "effort"}
 _MOVED = {"base", "hub", "cart", "pivot", "shaker", "table", "motor", "support", "road", "ground", "floor"}
 _HEIGHTS = {"height", "altitude", "fall", "drop", "h"}
@@ -39,8 +41,6 @@ _GRAVITIES = {"g": "g_0", "mg": "mg_0"}
 _REVOLUTIONS, _REVOLUTION = {"turns", "revolutions", "revs"}, {"turn", "revolution", "rev"}
 _COUNTED = {"count", "counts", "counter", "number", "total"}
 _SPEEDS = {"velocity", "speed", "rate", "omega", "vel", "gyro", "rpm", "cps", "drehzahl"}
-#: A current through a motor answers its voltage and how it turns: it drives where nothing else is named that does.
-_CURRENTS = {"current", "i", "strom", "amps"}
 _ASKED = {"setpoint", "target", "reference", "desired", "goal", "sollwert", "consigne"}
 _OTHERS = {"temperature", "battery", "supply", "error", "err", "uncertainty", "sd", "std"}
 #: Roles by words, the first one that fits; a base has no voltage, and an instrument may read a motion in volts.

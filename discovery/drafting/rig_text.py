@@ -16,7 +16,7 @@ from discovery.drafting.centre import centre_of
 from discovery.drafting.force_view import is_seen_as_force, other_way, view
 from discovery.drafting.guessed_units import angle_unit, said_of
 from discovery.drafting.kind import Guess, equations, fits, guess_kind, has_columns_of_an_arm, swing_of
-from discovery.drafting.law_of_motion import LOOKS, is_depth, is_one_line, is_relative
+from discovery.drafting.law_of_motion import LOOKS, is_one_line, is_relative
 from discovery.drafting.names import is_asked_for
 from discovery.drafting.record_lines import DIFFERS, begins_at_rest, quoted_text, record_lines, trial_rows, unused_words
 from discovery.drafting.signals import Signal, Signals, find_signals, open_table
@@ -25,6 +25,7 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.estimate_text import figures
 from discovery.foundation.sampling import mean_rate
 from discovery.recordings.file_signals import ARM_STEMS
+from discovery.recordings.running_on import falls_upwards
 from discovery.rigs.kinds import KINDS
 
 #: Standard deviations by which the centre of a free motion may lie beside zero without one being stated.
@@ -245,7 +246,8 @@ def _columns(found: Signals, guess: Guess, zero: float | None) -> Iterator[str]:
         if found.input.name in found.differ:
             yield f"# guessed as the input: it {DIFFERS[0]}. Remove the line if it does not drive"
     more, so = ("", "") if zero is None else (f", zero = {zero:.6g}", "zero guessed from the motion; ")
-    if guess.kind == "falling_body" and is_depth(time, found.output.si):
+    good = np.isfinite(found.output.si)
+    if guess.kind == "falling_body" and falls_upwards(si_factor("g_0"), time[good], found.output.si[good]):
         more, so = f"{more}, scale = -1", f"{so}scale guessed: it grows as the body falls, and a height does not; "
     if found.reads == "acceleration" and not KINDS[guess.kind].has_own_equations:
         more += ', reads = "acceleration"'

@@ -24,6 +24,8 @@ _RETURNS = 0.5
 _LOOKED = 50
 #: Counts of a counter, at least.
 _COUNTS = 20
+#: Share of gravity from which a motion that grows is a fall counted downwards.
+_UPWARDS = 0.02
 
 
 def runs_on(output: FloatArray, unit: str = "rad") -> bool:
@@ -119,3 +121,25 @@ def counts_up(output: FloatArray) -> bool:
     steps = np.diff(read)
     one_way = (steps >= 0.0).all() or (steps <= 0.0).all()
     return bool(one_way and (read == np.round(read)).all() and np.unique(read).size > _COUNTS)
+
+
+def falls_upwards(gravity: float, t: FloatArray, height: FloatArray) -> bool:
+    """Return whether what falls gains height the faster the later, as where a depth is read.
+
+    `gravity`: its acceleration [m/s^2]. `t`, `height` (n,): times [s] and readings [m], without gaps.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 1, 50)
+    >>> [falls_upwards(9.81, t, h) for h in (4.9 * t**2, -4.9 * t**2, np.exp(-t) - t)]
+    [True, False, False]
+    """
+    parabola = np.polynomial.Polynomial.fit(t, height, 2)
+    faster = float(parabola.deriv(2)(t[0])) > _UPWARDS * gravity and parabola.deriv()(t[-1]) > 0.0
+    return bool(faster and way_of(height) > 0.0)
+
+
+def way_of(height: FloatArray) -> float:
+    """Return how far a motion goes from its first tenth to its last."""
+    tenth = max(height.size // 10, 1)
+    return float(np.median(height[-tenth:]) - np.median(height[:tenth]))

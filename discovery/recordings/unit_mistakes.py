@@ -19,7 +19,7 @@ from discovery.foundation.errors import InputError
 from discovery.foundation.sampling import median_step
 from discovery.recordings.file_signals import Signals
 from discovery.recordings.flags import Flag
-from discovery.recordings.running_on import DRIVEN, runs_on
+from discovery.recordings.running_on import DRIVEN, falls_upwards, runs_on, way_of
 from discovery.rigs.rig import Rig
 
 Motion = tuple[FloatArray, FloatArray]
@@ -264,9 +264,8 @@ def _check_fall(where: str, gravity: float, t: FloatArray, height: FloatArray) -
     parabola = np.polynomial.Polynomial.fit(t, height, 2)
     fall = -float(parabola.deriv(2)(t[0]))
     # What is thrown down faster than it falls in the end slows down, but keeps falling.
-    tenth = max(height.size // 10, 1)
-    way = float(np.median(height[-tenth:]) - np.median(height[:tenth]))
-    if fall < -0.02 * gravity and parabola.deriv()(t[-1]) > 0.0 and way > 0.0:
+    way = way_of(height)
+    if falls_upwards(gravity, t, height):
         raise InputError(
             f"{where}: the body would fall upwards. The output is the height: set scale = -1 for it in the rig file if "
             "the column holds the depth."

@@ -17,14 +17,14 @@ def model_error_words(loop: Record) -> str:
     One that counts as none depends on nothing.
     """
     error = loop["model_error"]
-    values = [*(error[k] for k in ("before", "after", "least")), _told_held(error)]
+    values = [*(error[k] for k in ("before", "after", "least")), told := _told_held(error)]
     (before, after, least, held), unit = sizes(values, error["unit"])
     words = (after if before == after else f"{before} -> {after}") + f" {unit}".rstrip()
     words += f", {share_words(error)} is left" if before != after and share_words(error) else ""
     none = loop["verdict"] in AS_NONE
     hidden = none and not _is_small(error)
     limit = "it cannot be told from none" if hidden else f"up to {least} {unit}".strip() + " counts as none"
-    words += f", {held} {unit}".rstrip() + " held out" if _told_held(error) is not None else ""
+    words += f", {held} {unit}".rstrip() + " held out" if told is not None else ""
     return f"{words}{'' if none else depends_words(error)}; {limit}"
 
 
