@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -14,7 +15,7 @@ from discovery.screening.refits import relaxed
 from discovery.selection.contender import Contender, contenders, integrated
 from discovery.selection.context import Context
 from discovery.selection.final import on_mechanics
-from discovery.selection.odds import HELD, odds_of
+from discovery.selection.odds import HELD, Odds, odds_of
 from discovery.selection.offers import Offers, plain
 
 #: Sets so many times the nats of an accepted effect behind are integrated by sampling where the set found is.
@@ -90,6 +91,21 @@ class Neighbours:
             rest, laws = [e for e in found.added if e != effect], reduced(found.refit, effect)
             self._simpler[key] = contenders(self.context, [((*rest, r.effect), r) for r in laws])
         return [self._beside(found, c) for c in self._simpler[key]]
+
+    def odds(self, larger: Contender, smaller: Contender, root: Contender, least: float) -> Odds:
+        """Return the log odds of a larger set, see `odds_of`, `least` asked held out.
+
+        An error of the mechanics may look like a law that then is refused for its size, as it may be that error. Of one
+        effect more the size is judged beside such a law, too: it may be a part of the error that is known.
+        """
+        settings, odds = self.context.settings, odds_of(larger, smaller, root, self.context.settings)
+        new = [e for e in larger.added if e not in smaller.added]
+        alone = len(new) == len(larger.added) - len(smaller.added) == 1 and not get_effect(new[0]).imitative
+        for both in self.offers.imitators(larger) if alone and odds.code(settings, least) == "size" else ():
+            beside = odds_of(both, self.without(both, new[0]), root, settings)
+            if beside.code(settings, least) == "accepted":
+                odds = replace(odds, size=beside.size, against_error=beside.against_error, beside=True)
+        return odds
 
     def without_losses(self, found: Contender) -> dict[str, tuple[Contender, Contender]]:
         """Return, for a declared loss, the start without it and the likeliest law in its place that is accepted.

@@ -31,6 +31,7 @@ class Odds:
     size: float  # movement of the residual over the model error that the larger set leaves
     against_error: float  # log odds against the model error in the direction of the effect
     gain: float  # chi-square removed in training
+    beside: bool = False  # whether what the mechanics' own error looks like stood beside both where sizes were judged
 
     @property
     def total(self) -> float:

@@ -32,6 +32,7 @@ class Offers:
         self.context, self.given_up = context, given_up
         self._made: dict[_Key, list[Contender]] = {}
         self._instead: dict[tuple[_Key, _Key], list[Contender]] = {}
+        self._imitators: dict[_Key, list[Contender]] = {}
         self._pairs: dict[tuple[_Key, bool], list[Contender]] = {}
         self._scored: dict[_Key, tuple[Candidate, ...]] = {}
         self._chance: dict[tuple[Contender, Contender], float] = {}
@@ -82,6 +83,15 @@ class Offers:
         most = self.context.settings.budget.finished
         found = refits_beside(node.refit, scored, starts, keep=most, far=node.is_far, first=not node.added)
         return contenders(self.context, [((*node.added, r.effect), r) for r in found[:most]])
+
+    def imitators(self, node: Contender) -> list[Contender]:
+        """Return a set with a law more that an error of its mechanics looks like, of those that contain no other."""
+        if node.key not in self._imitators:
+            every = {n: get_effect(n) for n in self.context.candidates(node.model)}
+            names = [n for n, law in every.items() if law.imitative and not law.reduces_to]
+            problem, minimum = held_fixed(node.refit.problem, node.refit.minimum)
+            self._imitators[node.key] = self._weighed(node, screen(minimum, problem, names), ()) if names else []
+        return self._imitators[node.key]
 
     def known(self, added: Sequence[str], base: str) -> list[Contender]:
         """Return sets of these effects on a base that were weighed as an extension of another."""

@@ -11,33 +11,15 @@ from discovery.foundation.arguments import check_fields
 
 @dataclass(frozen=True)
 class Budget:
-    """How much work a search may do; none of these numbers decides between two sets.
+    """How much work a search may do; none of these numbers decides between two sets."""
 
-    Parameters
-    ----------
-    most_effects : int
-        Largest number of effects added.
-    finished : int
-        Best refits beside a set whose evidence is computed.
-    pairs : int
-        Pairs refitted where no single effect is accepted.
-    beam : int
-        Refused sets beside which all others are tried.
-    offers : int
-        Sets beside which the whole catalogue is refitted.
-    dearer : float
-        A set whose simulations cost so many times those of the start is not extended.
-    dear_mechanics : float
-        Mechanics that cost more come before the search where they leave no more than this part of the model error.
-    """
-
-    most_effects: int = 5
-    finished: int = 8
-    pairs: int = 8
-    beam: int = 2
-    offers: int = 7
-    dearer: float = 4.0
-    dear_mechanics: float = 0.5
+    most_effects: int = 5  #: Largest number of effects added.
+    finished: int = 8  #: Best refits beside a set whose evidence is computed.
+    pairs: int = 8  #: Pairs refitted where no single effect is accepted.
+    beam: int = 2  #: Refused sets beside which all others are tried.
+    offers: int = 7  #: Sets beside which the whole catalogue is refitted.
+    dearer: float = 4.0  #: A set whose simulations cost so many times those of the start is not extended.
+    dear_mechanics: float = 0.5  #: Dearer mechanics come first where they leave no more than this of the model error.
 
 
 @dataclass(frozen=True)

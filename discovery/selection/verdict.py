@@ -19,33 +19,18 @@ VERDICTS = ("explained", "partly_explained", "nothing_missing", "unexplained")
 
 @dataclass(frozen=True)
 class Named:
-    """How sure one named effect is.
+    """How sure one named effect is."""
 
-    Parameters
-    ----------
-    effect : str
-        Id.
-    odds : Odds
-        Against its absence.
-    probability, group_probability : float
-        Of the effect among its absence and everything else in its place; of it or one of those that serve as well.
-    group, rivals : tuple of str, tuple of Contender
-        These others, and the sets with them.
-    force : mapping of str to float
-        Log odds of the effect beside an unknown force, and of that force in its place [nats]; empty where the model
-        leaves noise. See `discovery.selection.unknown`.
-    doubtful : bool
-        The force explains more in its place, and the effect nothing beside the force.
-    """
-
-    effect: str
-    odds: Odds
-    probability: float
-    group_probability: float
-    group: tuple[str, ...]
-    rivals: tuple[Contender, ...]
-    force: Mapping[str, float]
-    doubtful: bool
+    effect: str  # its id
+    odds: Odds  # against its absence
+    probability: float  # among its absence and everything else in its place
+    group_probability: float  # of it or one of those that serve as well
+    group: tuple[str, ...]  # these others
+    rivals: tuple[Contender, ...]  # and the sets with them
+    force: Mapping[
+        str, float
+    ]  # log odds beside an unknown force, and of that instead [nats]; where more than noise is left
+    doubtful: bool  # whether the force explains more in its place, and the effect nothing beside the force
 
 
 def least_error(contender: Contender, root: Contender, context: Context) -> float:
@@ -83,7 +68,7 @@ def named(search: Search) -> list[Named]:
     found, least = [], search.context.judge.asked(-HELD)
     for effect in search.best.added:
         smaller = search.neighbours.without(search.best, effect)
-        odds = odds_of(search.best, smaller, search.root, settings)
+        odds, _ = search.judged(search.best, smaller, stays=True)
         # What predicts worse than nothing in its place serves nobody.
         instead = search.neighbours.instead_of(search.best, effect)
         ways = {c: odds_of(c, smaller, search.root, settings) for c in instead}
