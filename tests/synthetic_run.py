@@ -107,7 +107,15 @@ def decision(action: str, *effects: str, accepted: bool, code: str = "accepted",
 def odds(train: float, held: float, size: float = 2.0, gain: float = 400.0) -> dict[str, float]:
     """Return the numbers of an effect against its absence, as in loop.json."""
     against = 0.5 * (size / 0.7) ** 2
-    each = {"train": train, "held": held, "ahead": held, "size": size, "against_error": against, "gain": gain}
+    each = {
+        "train": train,
+        "held": held,
+        "ahead": held,
+        "size": size,
+        "against_error": against,
+        "gain": gain,
+        "beside": False,
+    }
     return {**each, "odds": min(train, train + held, against)}
 
 

@@ -715,7 +715,10 @@ def test_loop_json_keeps_the_contract(looped: tuple[Said, Path]) -> None:
             "id", "parameters", "evidence", "probability", "group_probability", "ambiguous_with",
             "may_stand_for_unknown",
         }  # fmt: skip
-        assert set(effect["evidence"]) in (set(), {"train", "held", "ahead", "size", "against_error", "gain", "odds"})
+        assert set(effect["evidence"]) in (
+            set(),
+            {"train", "held", "ahead", "size", "against_error", "gain", "beside", "odds"},
+        )
         for parameter in effect["parameters"].values():
             assert set(parameter) in ({"value", "sd", "unit"}, {"value", "sd", "unit", "physical"})
             assert set(parameter.get("physical", ())) in (set(), {"value", "sd", "unit"})

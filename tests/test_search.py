@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from pushed_oscillator import DECLARED, UNITS, pushes, recorded
 
-from discovery.declarations.registry import simplicity
+from discovery.declarations.registry import get_effect, simplicity
 from discovery.equations.model import Model
 from discovery.estimation.bench import Bench
 from discovery.estimation.fit import Fit, fit
@@ -573,6 +573,24 @@ def test_a_pair_is_accepted_only_if_neither_is_needless(dry: float, code: str) -
     told = odds_of(pair, search.root, search.root, search.context.settings)
     assert told.code(search.context.settings, 0.5) == "accepted"
     assert search.judged(pair, search.root)[1] == code
+
+
+@pytest.mark.parametrize("imitative", [False, True])
+def test_a_size_is_judged_beside_what_an_error_of_the_mechanics_looks_like(monkeypatch, imitative: bool) -> None:
+    """Beside the spring that it lacks the model leaves little, and friction is far more than that."""
+    monkeypatch.setattr(get_effect("cubic_stiffness"), "imitative", imitative)
+    search = begun(context(settings=LoopSettings(form=8.0), beta=0.3, f_c=0.02))
+    (dry,) = (c for c in search.offers.beside(search.root) if c.added == ("coulomb_friction",))
+    alone, nats = odds_of(dry, search.root, search.root, search.context.settings), search.context.settings.nats
+    assert alone.code(search.context.settings, 0.5) == "size"
+    odds, code = search.judged(dry, search.root)
+    assert (code, odds.beside) == (("accepted", True) if imitative else ("size", False))
+    assert (odds.against_error > nats) == imitative
+    # What it gains is what it gained.
+    assert (odds.train, odds.held, odds.gain) == (alone.train, alone.held, alone.gain)
+    if imitative:  # and the spring itself stays a part of the error
+        (spring,) = search.offers.imitators(search.root)
+        assert not search.judged(spring, search.root)[0].beside
 
 
 def test_of_sets_that_serve_as_well_the_simplest_comes_first() -> None:

@@ -34,6 +34,9 @@ class Parameter:
         Finite values from which a refit starts; nonlinear effects need several.
     shape : bool
         True when the parameter shapes an effect without switching it (a frequency, a width): it has no own zero.
+    threshold : bool
+        True for a size beyond which an effect acts: a refit starts from declared ones, as what it does is not in
+        proportion to it.
     fixed : bool
         True when the value is known or conventional and is not fitted. The convention of a shape (see `shape`) of an
         effect that the loop adds is fitted at its end, within the prior's width.
@@ -79,6 +82,7 @@ class Parameter:
     default: float = 0.0
     starts: tuple[float, ...] = ()
     shape: bool = False
+    threshold: bool = False
     fixed: bool = False
     planar: bool = False
     own: bool = False

@@ -22,7 +22,7 @@ class InputSaturation(Drive):
     cite = "Tao and Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), chapter 1"
     s_u = Parameter(
         "u^-1", "inverse of the largest input that passes", (0.0, 20.0), HalfStudent(6.0),
-        starts=(1.1, 1.3, 1.6, 2.5, 5.0), latex="s_u",
+        starts=(1.1, 1.3, 1.6, 2.5, 5.0), threshold=True, latex="s_u",
     )  # fmt: skip
 
     def expression(self):

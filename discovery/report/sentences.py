@@ -121,10 +121,9 @@ def effect_sentence(effect: Record) -> str:
         words += f", {inclusion_words(effect)}"
         # Of smaller odds a reader weighs the number, and must know what it hangs on.
         if numbers["odds"] == numbers.get("against_error") and numbers["odds"] < math.log(_MOST):
-            far = plain(numbers["size"], 2)
-            words += (
-                f"; it moves the prediction by {far} times the model error that is left: another law may do the same"
-            )
+            left = "is left beside a law that it looks like" if numbers.get("beside") else "is left"
+            far = f"{plain(numbers['size'], 2)} times the model error that {left}"
+            words += f"; it moves the prediction by {far}: another law may do the same"
     if effect.get("may_stand_for_unknown"):
         more = plain(numbers["force_instead"])
         words += f"; an unknown force, smooth in position and rate, explains {more} nats more in its place"

@@ -177,7 +177,9 @@ def _scored(
     each = np.repeat(grid.sizes, parts)
     parameters = [grid.fitted[i] for i in each]
     sizes = grid.values[:, each]
-    limits = [np.array([p.bounds[end] * units.scale(p) for p in parameters]) / sizes for end in (0, 1)]
+    low, high = (np.array([p.bounds[end] * units.scale(p) for p in parameters]) / sizes for end in (0, 1))
+    stays = np.array([p.threshold for p in parameters])
+    limits = low, np.where(stays, 1.0, high)
     first = int(grid.rows.min())
     own, rows = responses.left[first : int(grid.rows.max()) + 1], grid.rows - first
     gram, push = grams(own, rows, target)
@@ -188,12 +190,14 @@ def _scored(
     order = np.argsort(-np.round(removed / max(_TIE * removed.max(), 1e-300)), kind="stable")
     bases = shapes.bases(order[:_COMPARED])
     starts = []
-    for i in order[_distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)]:
+    # To first order two thresholds may do the same, and only one of them be where the recordings pass it.
+    chosen = slice(None) if stays.any() else _distinct(bases, keep if count <= _FEW_SHAPES else _MANY * keep)
+    for i in order[chosen]:
         values, each_own = grid.values[i].copy(), np.zeros(parts if parts > 1 else 0)
         # At the bound where it vanishes an effect would never leave, though a larger one may be right: it begins as
         # declared.
         if solution[i].any():
-            found = (solution[i] * sizes[i]).reshape(-1, parts).T
+            found = (np.where(stays, 1.0, solution[i]) * sizes[i]).reshape(-1, parts).T
             values[grid.sizes], each_own = get_effect(name).gathered(found) if parts > 1 else (found[0], each_own)
         starts.append(Start(values, grid.sizes, responses, grid.rows[i], sizes[i], name, own=each_own))
     return Candidate(name, float(gain[order[0]]), tuple(starts), bases[0].T.astype(float), shapes)

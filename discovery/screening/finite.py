@@ -208,6 +208,9 @@ class _Lack:
         shapes = [i for i, n in enumerate(names) if n in grid[0] and own[n].shape]
         sizes = [i for i, n in enumerate(names) if n in grid[0] and not own[n].shape]
         old = [i for i, n in enumerate(self.extended.free) if n not in grid[0]]
+        if any(own[names[i]].threshold for i in sizes):
+            yield from (dict(zip(names, x, strict=True)) for x in self._beyond(fitted, grid, old, sizes))
+            return
         absent = self.extended.start(fitted)
         absent[sizes] = 0.0
         lack = self.lacked(absent[:, None])[:, 0]
@@ -225,6 +228,15 @@ class _Lack:
                 gains.append(float(np.square(basis.T @ lack).sum()))
         for best in np.argsort(gains)[: -_KEPT_ALONG - 1 : -1]:
             yield dict(zip(names, self._improved(points[:, best], [*old, *sizes]), strict=True))
+
+    def _beyond(
+        self, fitted: Mapping[str, float], grid: _Grid, old: Sequence[int], sizes: Sequence[int]
+    ) -> Iterator[FloatArray]:
+        """Yield all fitted values at the thresholds that explain most: at zero no motion tells what lies beyond one."""
+        tried = [self._improved(self.extended.start({**fitted, **values}), old) for values in grid]
+        left = np.square(self.lacked(np.array(tried).T)).sum(axis=0)
+        for best in np.argsort(left)[:_KEPT_ALONG]:
+            yield self._improved(tried[best], [*old, *sizes])
 
     def _improved(self, values: FloatArray, free: Sequence[int]) -> FloatArray:
         lower, upper = self.extended.bounds

@@ -42,7 +42,8 @@ class Neighbours:
     def work(self, node: Contender) -> dict[str, float]:
         """Return a set's members, the sets extended so far, its simulations' cost in those of the start, and limits."""
         most, (here, start) = self.context.settings.budget, (c.refit.problem.bench.charge for c in (node, self.root))
-        limits = {"most_effects": most.most_effects, "most_offers": most.offers, "most_cost": most.dearer}
+        dearer = max(most.dearer, most.cheap / start)
+        limits = {"most_effects": most.most_effects, "most_offers": most.offers, "most_cost": dearer}
         return {"effects": len(node.added), "offers": len(self.offers), "cost": here / start, **limits}
 
     def without(self, found: Contender, effect: str) -> Contender:

@@ -18,7 +18,8 @@ class Budget:
     pairs: int = 8  #: Pairs refitted where no single effect is accepted.
     beam: int = 2  #: Refused sets beside which all others are tried.
     offers: int = 7  #: Sets beside which the whole catalogue is refitted.
-    dearer: float = 4.0  #: A set whose simulations cost so many times those of the start is not extended.
+    dearer: float = 4.0  #: A set whose simulations cost so many times those of the start is not extended, unless
+    cheap: int = 5000  #: they take no more than so many steps.
     dear_mechanics: float = 0.5  #: Dearer mechanics come first where they leave no more than this of the model error.
 
 
