@@ -75,9 +75,10 @@ def _turned(target: float, seed: int) -> pd.DataFrame:
     rows, state, rng = [], np.array([0.2, 0.0]), np.random.default_rng(seed)
     for k in range(95):
         asked = 5.0 * (target - state[0]) + 0.3
+        push = gain * min(max(asked, -most), most)
         rows.append((k * step, asked, state[0] + rng.normal(0.0, 3e-4)))
 
-        def motion(_, q, push=gain * min(max(asked, -most), most)):
+        def motion(_, q, push=push):
             return [q[1], push - damping * q[1] - friction * np.tanh(q[1] / 2e-3)]
 
         state = solve_ivp(motion, (0.0, step), state, method="LSODA", rtol=1e-8, atol=1e-10, max_step=1e-3).y[:, -1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -18,6 +18,8 @@ from discovery.selection.final import on_mechanics
 from discovery.selection.odds import HELD, Odds, odds_of
 from discovery.selection.offers import Offers, plain
 
+#: For a law that took the place of a declared loss: the sets with that loss, as they were offered before.
+_Kept = Mapping[str, Sequence[Contender]]
 #: Sets so many times the nats of an accepted effect behind are integrated by sampling where the set found is.
 _NEAR = 3.0
 
@@ -25,8 +27,8 @@ _NEAR = 3.0
 class Neighbours:
     """The sets next to those of one search, each made once."""
 
-    def __init__(self, context: Context, offers: Offers, root: Contender) -> None:
-        self.context, self.offers, self.root = context, offers, root
+    def __init__(self, context: Context, offers: Offers, root: Contender, kept: _Kept | None = None) -> None:
+        self.context, self.offers, self.root, self.kept = context, offers, root, kept or {}
         self._smaller: dict[object, Contender] = {}
         self._simpler: dict[object, list[Contender]] = {}
         #: Returns a set integrated by importance sampling.
@@ -85,6 +87,11 @@ class Neighbours:
         others = [c for c in offered if not own <= frozenset(c.added) and np.isfinite(c.joint) and not c.strays(found)]
         likely = sorted((self._beside(found, c) for c in others), key=lambda c: -c.joint)
         return [c for i, c in enumerate(likely) if c.added[-1:] not in [before.added[-1:] for before in likely[:i]]]
+
+    def rivals(self, found: Contender, effect: str) -> list[Contender]:
+        """Return the sets with another effect in the place of a member, or with the declared loss that it replaced."""
+        kept = (c for c in self.kept.get(effect, ()) if np.isfinite(c.joint) and effect not in c.added)
+        return [*self.instead_of(found, effect), *(self._beside(found, c) for c in kept)]
 
     def within(self, found: Contender, effect: str) -> list[Contender]:
         """Return the sets with a law that a member contains, from where that was fitted."""

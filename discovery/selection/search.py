@@ -46,9 +46,8 @@ class Search:
     """
 
     def __init__(self, start: Fit, context: Context) -> None:
-        self.context = context
+        self.context, self.offers = context, Offers(context)
         self.decisions: list[Decision] = []
-        self.offers = Offers(context)
         (self.best,) = contenders(context, [((), Refit("", start.problem, start.minimum))])
         self.unknown: Unknown | None = None
         self.root, self.neighbours = self.best, Neighbours(context, self.offers, self.best)
@@ -84,8 +83,9 @@ class Search:
             return False
         root, self.best = declared[loss]
         self.decisions.append(Decision("exchange", (loss, *self.best.added), True, code, {"odds": odds[loss]}))
+        kept = {} if doubled else {self.best.added[-1]: [self.root, *self.offers.beside(self.root)]}
         self.offers = Offers(self.context, same_losses(self.root.model, loss))
-        self.neighbours = Neighbours(self.context, self.offers, root)
+        self.neighbours = Neighbours(self.context, self.offers, root, kept)
         return not doubled  # which was settled with it
 
     def _grow(self) -> None:

@@ -48,12 +48,6 @@ class LoopSettings:
         Test the answer against the rig, and design manoeuvres for what the recordings cannot tell apart.
     budget : Budget
         How much work is done. A number out of its range is an InputError.
-
-    Examples
-    --------
-    >>> settings, model = LoopSettings(seed=2), Model("oscillator", ("linear_stiffness",))
-    >>> settings.form_of(model), settings.law_of(model)
-    (0.45, 0.005)
     """
 
     nats: float = 3.0

@@ -70,7 +70,7 @@ def named(search: Search) -> list[Named]:
         smaller = search.neighbours.without(search.best, effect)
         odds, _ = search.judged(search.best, smaller, stays=True)
         # What predicts worse than nothing in its place serves nobody.
-        instead = search.neighbours.instead_of(search.best, effect)
+        instead = search.neighbours.rivals(search.best, effect)
         ways = {c: odds_of(c, smaller, search.root, settings) for c in instead}
         others = [c for c in instead if ways[c].code(settings, least) != "held_out"]
         behind = {c: search.best.joint - c.joint for c in others}
@@ -84,7 +84,7 @@ def named(search: Search) -> list[Named]:
         total = 1.0 + float(np.exp(-max(odds.total, 0.0))) + sum(weights.values())
         serve = [c for c in others if behind[c] < settings.nats]
         # One that contains another of them is no rival of its own.
-        group = [c for c in serve if not any({*less.added} < {*c.added} for less in serve)]
+        group = [c for c in serve if c.added and not any({*less.added} < {*c.added} for less in serve)]
         names = tuple([e for e in c.added if e not in smaller.added][-1] for c in group)
         shared = 1.0 + sum(weights[c] for c in serve)
         force, doubtful = {}, False
