@@ -13,9 +13,10 @@ import driven_oscillator as bench
 import numpy as np
 import pandas as pd
 import pytest
-from pushed_oscillator import DECLARED, TRUTH, pushes, recorded
+from pushed_oscillator import DECLARED, TRUTH, UNITS, experiment, pushes, recorded
 
 from discovery.declarations.registry import get_effect
+from discovery.diagnosis import edges
 from discovery.diagnosis.caution import Caution, acausal, missed, motionless, stopped, unfinished
 from discovery.diagnosis.edges import (
     at_edges,
@@ -425,7 +426,10 @@ def test_a_constant_that_is_stated_right_is_left_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("value", "sd", "told"), [(-29.0, 56.0, True), (8.0, None, True), (9.1, 1.2, False), (-9.1, 1.2, False)]
 )
-def test_a_gain_that_is_lost_with_what_was_added_is_doubted(value: float, sd: float | None, told: bool) -> None:
+def test_a_gain_that_is_lost_with_what_was_added_is_doubted(
+    monkeypatch: pytest.MonkeyPatch, value: float, sd: float | None, told: bool
+) -> None:
+    monkeypatch.setattr(edges, "_serves_without", lambda *_: True)
     model = Model("oscillator", DECLARED)
     assert model.mechanics.push() is not None
 
@@ -447,6 +451,18 @@ def test_a_gain_that_is_lost_with_what_was_added_is_doubted(value: float, sd: fl
     # The input may act through a second mode.
     model = Model("oscillator", (*DECLARED, "second_mode"))
     assert gain_untold(fitted(9.3, 1.0), fitted(value, sd)) is None
+
+
+@pytest.mark.parametrize("acts", [True, False])
+def test_a_gain_is_not_needed_only_where_the_motion_is_explained_without(acts: bool) -> None:
+    """An interval that holds zero may be that of a gain that is told together with a loss."""
+    given = pushes(1.0, -1.5, 0.7, 0.0)
+    # Or a free decay beside a column that has nothing to do with it.
+    read = recorded("train", given if acts else pushes(0.0, 0.0, 0.0, 0.0), 0).recording
+    found = fit(
+        Model("oscillator", DECLARED), [experiment("train", read.output[:, 0], given)], start=TRUTH, units=UNITS
+    )
+    assert edges._serves_without(found, "g") != acts
 
 
 def test_a_fit_that_stopped_on_its_way_is_doubted(scaled: Fit) -> None:

@@ -19,7 +19,7 @@ from discovery.recordings.reading_flags import bend_flags, clean_output, gap_fla
 from discovery.recordings.reading_noise import noise_flags
 from discovery.recordings.recording import read_recording
 from discovery.recordings.rounding import quantum, resolution
-from discovery.recordings.sensor_faults import drift, flat_runs, spikes
+from discovery.recordings.sensor_faults import drift, flat_runs, lost, spikes
 from discovery.rigs.rig import Columns, InputColumn, OutputColumn, Rig, TimeColumn
 from discovery.rigs.rig_file import read_rig
 
@@ -581,3 +581,29 @@ def test_a_trolley_that_brakes_within_its_resolution_and_is_dragged_on_is_not_st
 def test_a_doubt_of_two_columns_is_told_of_each():
     swings = [Flag("swings_few", column, "deg", {"swings": 3.0, "duration": 2.0}) for column in ("x", "z")]
     assert doubted({"a": swings, "b": swings[:1]}) == [f"a: {swings[0].sentence} So in b.", f"a: {swings[1].sentence}"]
+
+
+@pytest.mark.parametrize("count", [2, 3, 20])
+@pytest.mark.parametrize("step", [0.0, 5.0])
+def test_zeros_of_a_counter_that_read_nothing_are_lost_once_they_come_back(count: int, step: float) -> None:
+    rng, t = np.random.default_rng(count), np.arange(300)
+    speed = 2000.0 * (1.0 - np.exp(-t / 60.0)) + 20.0 * rng.standard_normal(t.size)
+    speed = np.round(speed / step) * step if step else speed
+    speed[:5] = 0.0  # at rest
+    gone = rng.choice(np.arange(60, 290, 8), count, replace=False)
+    speed[gone] = speed[gone[: count // 2] + 1] = 0.0
+    found = lost(speed, step)
+    assert found.any() == (count > 2)
+    assert not found.any() or (found == (speed == 0.0) & (t >= 5)).all()
+
+
+@pytest.mark.parametrize("motion", ["swing", "coarse speed", "stick and slip", "rests"])
+def test_zeros_of_a_motion_are_readings(motion: str) -> None:
+    t = np.arange(400)
+    values = {
+        "swing": np.round(1000.0 * np.sin(2.0 * np.pi * t / 8.0)),  # through zero, to the other side
+        "coarse speed": 5.0 * (t % 3 == 0),  # a count in every third interval
+        "stick and slip": np.maximum(0.0, 40.0 * np.sin(2.0 * np.pi * t / 40.0)),
+        "rests": np.where(t % 20 < 10, 30.0, 0.0),
+    }[motion]
+    assert not lost(values, 5.0 if motion == "coarse speed" else 0.0).any()

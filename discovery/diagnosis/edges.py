@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from discovery.declarations.registry import get_effect, sizes_of
 from discovery.diagnosis.caution import Caution
 from discovery.equations.losses import is_passive
+from discovery.equations.model import Model
+from discovery.estimation.batch import fit_problems
 from discovery.estimation.declared import strayed
 from discovery.estimation.fit import Fit
 from discovery.estimation.generalised import BENT
@@ -22,6 +25,7 @@ _BEYOND = 3.0
 #: Share of the way to where a stated value may end, within which it is there.
 _AT_END = 1e-3
 _TOLD = 2.0  # of those by which a gain is told from zero
+_AS_WELL = 1.2  # times the chi-square that is left, with which a model without its input serves as well
 #: Widths of what is believed of a coordinate that nothing reads, beyond which it begins far off.
 _FARTHER = 3.0
 
@@ -122,9 +126,21 @@ def gain_untold(declared: Fit, final: Fit) -> Caution | None:
         numbers = {k: after[k] for k in ("value", "sd", "unit")}
         if before["sd"] is not None and abs(before["value"]) >= _BEYOND * before["sd"]:
             return Caution("lost_gain", name, numbers={**numbers, "before": before["value"], "before_sd": before["sd"]})
-        if after["sd"] is not None:
+        if after["sd"] is not None and _serves_without(final, name):
             return Caution("no_gain", name, numbers=numbers)
     return None
+
+
+def _serves_without(final: Fit, gain: str) -> bool:
+    """Return whether a model explains its recordings about as well without its input.
+
+    An interval that holds zero may be that of a gain that is told together with a loss only, and is none without it.
+    """
+    model = final.model
+    without = Model(model.base, model.effects, {**model.known, gain: 0.0})
+    problem = replace(final.problem, model=without)
+    (found,) = fit_problems([problem], [problem.start(final.values)], rough=True)
+    return bool(found.cost < _AS_WELL * final.minimum.cost)
 
 
 def far_start(final: Fit) -> Caution | None:

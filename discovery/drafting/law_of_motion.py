@@ -124,7 +124,11 @@ def rates_of(
     integral = partial(cumulative_trapezoid, x=t, initial=0)
     u = integral(np.zeros_like(t) if given is None else given[good])
     columns = [integral(y), u if speed else integral(u), np.ones_like(t)]
-    columns += [] if speed else [t, t**2]
+    # Friction and limits of an input that changes are as a constant force; of one that does not they are its gain.
+    if not speed:
+        columns += [t, t**2]
+    elif given is not None and np.ptp(given[good]) > 0.0:
+        columns += [t]
     columns += [integral(integral(y))] if spring else []
     weights = least_squares(np.column_stack(columns), y)[1]
     if weights[0] < 0.0 or given is None or spring:

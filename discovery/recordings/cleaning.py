@@ -14,7 +14,7 @@ from discovery.mechanics import get_base
 from discovery.recordings.file_signals import Signals, judged_channels
 from discovery.recordings.flags import Flag
 from discovery.recordings.local_fits import alternation, timing_error
-from discovery.recordings.reading_flags import clean_output, gap_flags, without_ends
+from discovery.recordings.reading_flags import clean_output, gap_flags, without_unread
 from discovery.recordings.reading_noise import BandNoise, band_noise, estimate_noise, noise_flags
 from discovery.recordings.rounding import resolution
 from discovery.recordings.time_stamps import estimate_jitter, is_steady
@@ -55,7 +55,7 @@ def cleaned(rig: Rig, found: Signals, stated: Sequence[float | None]) -> tuple[l
         if position and rig.system is None and order == 0 and (what := _OTHERS.get(si_symbol(unit))):
             flags.append(Flag("rate_as_position", name, unit, {"what": what}))
         if rig.view is None:  # a force of friction is flat by itself
-            values, told = without_ends(name, unit, found.time, values, still)
+            values, told = without_unread(name, unit, found.time, values, still)
             flags += told
         given, scatter = found.inputs, estimate_noise(values, found.time)
         # A view passes filters of its own.

@@ -92,6 +92,11 @@ CODES: dict[str, Words] = {
             + " {length} samples from {start:time} s, while the system moves. They are left out."
         ),
     ),
+    "readings_lost": (
+        "left_out",
+        "{count} readings of {column!r} are exactly 0 between readings far from that, the first at {start:time} s: the "
+        "instrument read nothing. They are left out.",
+    ),
     "readings_clipped": (
         "left_out",
         lambda n: (

@@ -12,7 +12,7 @@ from discovery.foundation.sampling import are_uneven, gaps, median_step
 from discovery.recordings.flags import MISREAD, Flag
 from discovery.recordings.range_ends import cut_off
 from discovery.recordings.rounding import quantum
-from discovery.recordings.sensor_faults import drift, flat_runs, spikes
+from discovery.recordings.sensor_faults import drift, flat_runs, lost, spikes
 from discovery.rigs.rig import TimeColumn
 
 _JITTER = 0.05  # of a step
@@ -138,15 +138,25 @@ def _beside_a_sine(turns: FloatArray, values: FloatArray) -> float:
     return float(np.std(values - sine @ np.linalg.lstsq(sine, values, rcond=None)[0]))
 
 
-def without_ends(
+def without_unread(
     label: str, unit: str, time: FloatArray, values: FloatArray, still: BoolArray | None = None
 ) -> tuple[FloatArray, list[Flag]]:
-    """Leave out readings (n,) that an end of the instrument's range cuts off, and tell it; their noise is none."""
-    cut, limits = cut_off(values, quantum(values, time), still)
-    if not limits:
-        return values, []
-    numbers = {"limits": [float(limit) for limit in limits], "count": int(cut.sum())}
-    return np.where(cut, np.nan, values), [Flag("readings_clipped", label, unit, numbers)]
+    """Leave out readings (n,) that were lost, or that an end of the instrument's range cuts off, and tell it.
+
+    Their noise is none.
+    """
+    step, flags = quantum(values, time), []
+    gone = lost(values, step)
+    if gone.any():
+        lacked = {"count": int(gone.sum()), "start": float(time[np.argmax(gone)])}
+        flags.append(Flag("readings_lost", label, unit, lacked))
+        values = np.where(gone, np.nan, values)
+    cut, limits = cut_off(values, step, still)
+    if limits:
+        numbers = {"limits": [float(limit) for limit in limits], "count": int(cut.sum())}
+        flags.append(Flag("readings_clipped", label, unit, numbers))
+        values = np.where(cut, np.nan, values)
+    return values, flags
 
 
 def clean_output(

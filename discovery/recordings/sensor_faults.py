@@ -1,4 +1,4 @@
-"""Readings that the instrument did not measure: stuck, clipped, cut off, spiked; and a mean that creeps."""
+"""Readings that the instrument did not measure: stuck, clipped, lost, spiked; and a mean that creeps."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from discovery.recordings.time_stamps import left_by_cubics
 
 _SHORTEST_CLIPPED = 3  # equal readings at the extreme
 _SHORTEST_STUCK = 10  # equal readings elsewhere
+_LOST, _LONGEST_LOST = 3, 3  # how often zeros must come that are no readings, and how many in a row at most
+_FAR_OFF = 6.0  # usual steps between readings, and quanta, that lie between them and their neighbours
 _TRAVEL = 30.0  # quanta or noise sds that the signal covers beside a run, in as many samples
 # Speed at the edge of a run against that beside it: a motion that comes to rest slows down first, one that turns is
 # half as fast there.
@@ -141,6 +143,30 @@ def _interrupts(values: FloatArray, start: int, length: int, error: float, abrup
             if abs(side[edge] - side[0]) > abrupt * usual:
                 return True
     return False
+
+
+def lost(values: FloatArray, step: float) -> BoolArray:
+    """Return which readings (n,) are zeros of an instrument that read nothing, of one that reads in steps.
+
+    A motion does not come from afar to exactly zero, and go back where it was, in a reading or three, time and again. A
+    standstill lasts longer; what passes through zero goes on to the other side. NaN are gaps.
+    """
+    zero = values == 0.0
+    steps = np.abs(np.diff(values))[~zero[1:] & ~zero[:-1]]
+    found = np.zeros(values.size, bool)
+    if not np.isfinite(steps).any():
+        return found
+    far = _FAR_OFF * max(float(np.nanmedian(steps)), step)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], zero, [False]]).astype(np.int8)))
+    runs = [(a, b) for a, b in zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True) if a > 0 and b < zero.size]
+    gone = [(a, b) for a, b in runs if b - a <= _LONGEST_LOST and _same_side(values[a - 1], values[b], far)]
+    for a, b in gone if len(gone) >= _LOST else ():
+        found[a:b] = True
+    return found
+
+
+def _same_side(before: float, after: float, far: float) -> bool:
+    return bool(before * after > 0 and min(abs(before), abs(after)) > far)
 
 
 def spikes(time: FloatArray, values: FloatArray, error: float) -> IntArray:
