@@ -190,6 +190,8 @@ def test_zero_and_scale_apply_to_the_column(tmp_path):
         (pendulum(), np.degrees(swing(0.3)), T, ["to and fro by", "reading would be 17.19 rad", 'unit = "deg"']),
         (pendulum(), np.degrees(swing(-1.0)), T, ["to and fro by", "reading would be 57.3 rad"]),
         (pendulum(), swing(0.3) + np.pi, T, ["upright", "zero = 3.14159265"]),
+        (pendulum(), swing(1.2) + 1.8, T, ["the horizontal", "zero = 1.57079633"]),
+        (pendulum(), swing(0.3) - 1.5, T, ["the horizontal", "zero = -1.57079633"]),
         (
             pendulum(),
             swing(0.3),

@@ -211,13 +211,15 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
             f"{where}: the pendulum would swing to and fro by more than a full turn, and the largest reading would be "
             f"{largest:.4g} {unit}. {remedy}{driven}"
         )
-    if abs(float(np.median(later))) > 0.5 * np.pi:
-        given = rig.columns.output
-        upright = given.zero + np.pi / (given.scale * si_factor(unit))
+    middle = float(np.median(later))
+    if abs(middle) > 0.25 * np.pi:
+        given, quarters = rig.columns.output, round(middle / (0.5 * np.pi))
+        zero = given.zero + quarters * 0.5 * np.pi / (given.scale * si_factor(unit))
+        place = "upright" if quarters % 2 == 0 else "the horizontal"
         raise InputError(
-            f"{where}: the pendulum would swing about {quoted(float(np.median(later)), unit, 4)}, that is upright. If "
-            f"the angle is counted from upright, set zero = {upright:.9g} (in the unit of the column) "
-            f"for the output in the rig file.{driven}"
+            f"{where}: the pendulum would swing about {quoted(middle, unit, 4)}, far from where it hangs. If the "
+            f"angle is counted from {place}, set zero = {zero:.9g} (in the unit of the column) for the output in the "
+            f"rig file, else to what is read at rest.{driven}"
         )
     scatter = float(np.median(np.abs(angle - np.median(angle))))
     # Of a swing that lasts for a small part of the record, medians see only the noise after it. The rms sees only a few
