@@ -185,9 +185,9 @@ def _system(recordings: Sequence[Signals], guess: Guess, unused: str, *, third: 
             yield f"# or {', '.join(others)}: `{again}` declares what fits the kind"
         yield "# Any other system has equations of its own: docs/YOUR_SYSTEM.md"
     yield from other_way(found)
-    if guess.kind == "oscillator" and found.input is None and si_symbol(found.output.unit) == "m":
+    if guess.kind == "oscillator" and found.input is None and si_symbol(found.output.unit) in ("m", "pixel"):
         yield '# A bob on a rod or thread, seen from the side: [system] with like = "filmed_pendulum" instead of `kind`'
-        yield "# and [model]; read in metres, the sine of its angle would look like a spring that is not straight."
+        yield "# and [model]; read as a place, the sine of its angle would look like a spring that is not straight."
     if KINDS[guess.kind].hangs:
         yield "# from the axis to the middle of a small bob; stated, it is held against the motion:"
         yield "# length_m = { value = 0.80, sd = 0.005 }"
