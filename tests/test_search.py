@@ -372,7 +372,7 @@ def test_what_a_set_predicts_counts_against_chance_as_much_as_training(
 def test_what_is_no_more_than_chance_is_refused_as_that() -> None:
     search = begun(context(settings=LoopSettings(nats=0.5), f_c=0.0018))
     (found,) = (c for c in search.offers.beside(search.root) if c.added == ("coulomb_friction",))
-    assert search.judged(found, search.root)[1] == "chance"
+    assert search._judged(found, search.root)[1] == "chance"
 
 
 def test_an_effect_that_shows_in_the_held_out_motion_is_as_large_as_there() -> None:
@@ -448,7 +448,7 @@ def test_no_member_is_exchanged_where_evidence_tells_no_more_than_last_digits() 
 def test_a_member_that_hides_two_others_gives_its_place_to_both() -> None:
     search = offered(beta=1.0, f_c=0.02)
     search.best = found = next(c for c in search.offers.beside(search.root) if c.added == ("stiffness_drift",))
-    assert search.judged(found, search.root)[1] == "accepted"
+    assert search._judged(found, search.root)[1] == "accepted"
     assert search._exchange("stiffness_drift", two=True)
     assert {*search.best.added} == {"cubic_stiffness", "coulomb_friction"}
     (told,) = search.decisions
@@ -463,7 +463,7 @@ def test_a_member_that_hides_two_others_gives_its_place_to_both() -> None:
 def test_what_is_taken_out_gives_its_place_to_what_serves() -> None:
     search = offered(f_c=0.02)
     beside = search.offers.beside(search.root)
-    search.best = next(c for c in beside[::-1] if search.judged(c, search.root, stays=True)[1] != "accepted")
+    search.best = next(c for c in beside[::-1] if search._judged(c, search.root, stays=True)[1] != "accepted")
     (weak,) = search.best.added
     search._prune()
     assert search.best.added == ("coulomb_friction",)
@@ -572,7 +572,7 @@ def test_a_pair_is_accepted_only_if_neither_is_needless(dry: float, code: str) -
     pair = search.offers.beside(first)[0]
     told = odds_of(pair, search.root, search.root, search.context.settings)
     assert told.code(search.context.settings, 0.5) == "accepted"
-    assert search.judged(pair, search.root)[1] == code
+    assert search._judged(pair, search.root)[1] == code
 
 
 @pytest.mark.parametrize("imitative", [False, True])
@@ -583,14 +583,14 @@ def test_a_size_is_judged_beside_what_an_error_of_the_mechanics_looks_like(monke
     (dry,) = (c for c in search.offers.beside(search.root) if c.added == ("coulomb_friction",))
     alone, nats = odds_of(dry, search.root, search.root, search.context.settings), search.context.settings.nats
     assert alone.code(search.context.settings, 0.5) == "size"
-    odds, code = search.judged(dry, search.root)
+    odds, code = search._judged(dry, search.root)
     assert (code, odds.beside) == (("accepted", True) if imitative else ("size", False))
     assert (odds.against_error > nats) == imitative
     # What it gains is what it gained.
     assert (odds.train, odds.held, odds.gain) == (alone.train, alone.held, alone.gain)
     if imitative:  # and the spring itself stays a part of the error
         (spring,) = search.offers.imitators(search.root)
-        assert not search.judged(spring, search.root)[0].beside
+        assert not search._judged(spring, search.root)[0].beside
 
 
 def test_of_sets_that_serve_as_well_the_simplest_comes_first() -> None:
@@ -757,7 +757,7 @@ def test_an_end_that_does_not_move_forgives_chance() -> None:
         search = begun(Context([train], judge, settings, UNITS, lambda _: None))
         offer = search.offers.beside(search.root)[0]
         loses = dataclasses.replace(offer.evidence, held=search.root.evidence.held - loss)
-        return search.judged(dataclasses.replace(offer, evidence=loses), search.root)[1]
+        return search._judged(dataclasses.replace(offer, evidence=loses), search.root)[1]
 
     assert code(HoldOut([quiet], [], UNITS, settings.tolerance), quiet) == "accepted"
     assert code(HoldOut([ended], [], UNITS, settings.tolerance), ended) == "held_out"

@@ -45,8 +45,8 @@ def test_a_simpler_law_takes_the_place_only_where_it_is_accepted_itself(share: f
     shared = search.context
     offered = {c.added: c for c in search.offers.beside(search.root)}
     larger, simpler = offered["stribeck_friction",], offered["coulomb_friction",]
-    asked = [search.judged(larger, simpler)[0], search.judged(simpler, search.root)[0]]
-    whole = search.judged(larger, search.root)[0]
+    asked = [search._judged(larger, simpler)[0], search._judged(simpler, search.root)[0]]
+    whole = search._judged(larger, search.root)[0]
     between, alone = (min(o.train, 2 * o.held, o.against_error) for o in asked)
     least, most = between, min(whole.train, 2 * whole.held, whole.against_error)
     assert least < alone < most

@@ -129,9 +129,9 @@ class Search:
             rest = self.neighbours.without(self.best, effect)
             others = [*self.neighbours.within(self.best, effect), *self.neighbours.instead_of(self.best, effect)]
             for simpler in (c for c in others if near.intersection(c.added)):
-                odds, code = self.judged(self.best, simpler)
+                odds, code = self._judged(self.best, simpler)
                 stands = code != "accepted" and (code == "size" or odds.held <= most)
-                if stands and self.judged(simpler, rest)[1] == "accepted":
+                if stands and self._judged(simpler, rest)[1] == "accepted":
                     new = (e for e in simpler.added if e not in self.best.added)
                     self.decisions.append(Decision("exchange", (effect, *new), True, code, odds.numbers))
                     self.best = simpler
@@ -170,7 +170,7 @@ class Search:
         """Take out, the least missed first, what is no larger than a model error would be; another effect may serve."""
         for _ in self.best.added:
             smaller = {e: self.neighbours.without(self.best, e) for e in self.best.added}
-            judged = {e: self.judged(self.best, c, stays=True) for e, c in smaller.items()}
+            judged = {e: self._judged(self.best, c, stays=True) for e, c in smaller.items()}
             weak = [e for e, (_, code) in judged.items() if code != "accepted"]
             if not (effect := max(weak, key=lambda e: smaller[e].joint, default="")):
                 return
@@ -249,7 +249,7 @@ class Search:
         settings, before = self.context.settings, self.best
         told = tuple(candidacy(c, before, self.root, settings) for c in offered[:_TOLD])
         for contender in simplest_first(offered, before, settings)[:_TRIED]:
-            odds, code = self.judged(contender, before)
+            odds, code = self._judged(contender, before)
             new = tuple(e for e in contender.added if e not in before.added)
             self.decisions.append(Decision("add", new, code == "accepted", code, odds.numbers, told))
             if code == "accepted":
@@ -257,7 +257,7 @@ class Search:
                 return True
         return False
 
-    def judged(self, larger: Contender, smaller: Contender, *, stays: bool = False) -> tuple[Odds, str]:
+    def _judged(self, larger: Contender, smaller: Contender, *, stays: bool = False) -> tuple[Odds, str]:
         """Return the odds of a larger set, and "accepted" or what is missing; `stays` of one that was accepted."""
         settings, least = self.context.settings, self.context.judge.asked(-HELD if stays else HELD)
         code = (odds := self.neighbours.odds(larger, smaller, self.root, least)).code(settings, least)
@@ -265,7 +265,7 @@ class Search:
             code = "chance"
         if code == "accepted" and len(new := [e for e in larger.added if e not in smaller.added]) > 1:
             # Neither of two may be needless beside the other.
-            each = (self.judged(larger, self.neighbours.without(larger, e), stays=True) for e in new)
+            each = (self._judged(larger, self.neighbours.without(larger, e), stays=True) for e in new)
             return next((own for own in each if own[1] != "accepted"), (odds, code))
         return odds, code
 
@@ -276,7 +276,7 @@ class Search:
             if effect not in self.best.added or len(self.best.added) < 2:
                 continue
             smaller = self.neighbours.without(self.best, effect)
-            odds, code = self.judged(self.best, smaller, stays=True)
+            odds, code = self._judged(self.best, smaller, stays=True)
             if code != "accepted":
                 self.decisions.append(Decision("remove", (effect,), True, code, odds.numbers))
                 self.best = smaller
@@ -290,7 +290,7 @@ class Search:
         may = self.neighbours.affords(rest) and (np.isfinite(rest.joint) if two else not before.is_far)
         ways = (self.offers.pairs(rest) if two else self.offers.beside(rest, before)) if may else []
         offered = [c for c in plain(ways) if not (two and effect in c.added)]
-        judged = (c for c in offered[:_TRIED] if self.judged(c, before if two else rest)[1] == "accepted")
+        judged = (c for c in offered[:_TRIED] if self._judged(c, before if two else rest)[1] == "accepted")
         gain = (new := next(judged, before)).joint - before.joint
         if effect not in new.added and gain > settings.nats:
             told = tuple(candidacy(c, rest, self.root, settings) for c in offered[:_TOLD])

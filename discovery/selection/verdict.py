@@ -27,9 +27,7 @@ class Named:
     group_probability: float  # of it or one of those that serve as well
     group: tuple[str, ...]  # these others
     rivals: tuple[Contender, ...]  # and the sets with them
-    force: Mapping[
-        str, float
-    ]  # log odds beside an unknown force, and of that instead [nats]; where more than noise is left
+    force: Mapping[str, float]  # log odds beside an unknown force, and of that instead; none where noise is left
     doubtful: bool  # whether the force explains more in its place, and the effect nothing beside the force
 
 
@@ -68,7 +66,7 @@ def named(search: Search) -> list[Named]:
     found, least = [], search.context.judge.asked(-HELD)
     for effect in search.best.added:
         smaller = search.neighbours.without(search.best, effect)
-        odds, _ = search.judged(search.best, smaller, stays=True)
+        odds = search.neighbours.odds(search.best, smaller, search.root, least)
         # What predicts worse than nothing in its place serves nobody.
         instead = search.neighbours.rivals(search.best, effect)
         ways = {c: odds_of(c, smaller, search.root, settings) for c in instead}
