@@ -22,7 +22,9 @@ from discovery.report.results import Run
 from discovery.report.sentences import decision_sentence
 from discovery.report.story import searches
 from discovery.rigs.rig_system import ready_made
+from discovery.selection.contender import Contender
 from discovery.selection.search import Search
+from discovery.selection.verdict import named
 
 
 def searched(**effects: float) -> Search:
@@ -47,6 +49,25 @@ def test_a_law_takes_the_place_of_a_loss_that_is_not_there() -> None:
     assert step.effects == ("viscous_damping", "quadratic_drag")
     assert step.numbers["odds"] > search.context.settings.nats
     assert search.best.refit.values["c_2"] == pytest.approx(0.12, rel=0.1)
+    # What was declared, and what was offered beside it, stay rivals: one that is as likely shares the probability.
+    rivals = search.neighbours.rivals(search.best, "quadratic_drag")
+    assert () in [c.added for c in rivals]
+    assert not any("quadratic_drag" in c.added for c in rivals)
+    (alone,) = named(search)
+    assert alone.probability > 0.9
+    other = next(c for c in search.neighbours.kept["quadratic_drag"] if c.added not in ((), ("quadratic_drag",)))
+    as_likely = replace(other, evidence=search.best.evidence, sampled=search.best.sampled)
+    search.neighbours.kept = {"quadratic_drag": [as_likely]}
+    (shared,) = named(search)
+    assert shared.probability < 0.51
+    assert shared.group == other.added
+
+
+def test_no_loss_is_given_up_for_what_cannot_be_told_from_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Contender, "is_enough", lambda *_: True)
+    search = searched(xi=0.0, c_2=0.12)
+    assert search.offers.given_up == frozenset()
+    assert not any(d.action == "exchange" and "viscous_damping" in d.effects for d in search.decisions)
 
 
 @pytest.mark.parametrize("effects", [{"xi": 0.08}, {"xi": 0.08, "c_2": 0.3}])

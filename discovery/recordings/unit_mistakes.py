@@ -28,6 +28,7 @@ _ANGLES = ("turn", "rad", "deg", "mrad")
 _LENGTHS = ("m", "ft", "inch", "cm", "mm")
 #: Periods in one stretch whose amplitude and frequency are measured, and stretches that are needed.
 _PERIODS, _FEWEST = 2.0, 4
+_ASIDE = 0.4  # half turns from where a pendulum hangs, about which none swings
 #: Another unit must leave less than this share of what the declared one leaves.
 _SHARE = 0.04
 #: Frequencies are known to this part at best: a stretch decays, other effects act.
@@ -212,7 +213,7 @@ def _check_swing(where: str, rig: Rig, angle: FloatArray, largest: float) -> Non
             f"{largest:.4g} {unit}. {remedy}{driven}"
         )
     middle = float(np.median(later))
-    if abs(middle) > 0.25 * np.pi:
+    if abs(middle) > _ASIDE * np.pi:
         given, quarters = rig.columns.output, round(middle / (0.5 * np.pi))
         zero = given.zero + quarters * 0.5 * np.pi / (given.scale * si_factor(unit))
         place = "upright" if quarters % 2 == 0 else "the horizontal"

@@ -13,7 +13,7 @@ from discovery.equations.model import Model
 from discovery.estimation.batch import fit_problems
 from discovery.estimation.bench import Bench
 from discovery.estimation.generalised import generalised
-from discovery.estimation.log_evidence import Evidence, evidence_of
+from discovery.estimation.log_evidence import NOISIER, Evidence, evidence_of
 from discovery.estimation.model_error import ModelError
 from discovery.estimation.sampled_evidence import Sampled, sampled
 from discovery.foundation.arrays import FloatArray
@@ -90,6 +90,12 @@ class Contender:
     def leaves_noise(self, context: Context) -> bool:
         """Return whether its model error cannot be told from none."""
         return self.evidence.left <= context.least_error(self.model)
+
+    def is_enough(self, context: Context) -> bool:
+        """Return whether what it leaves counts as none, or looks like noise that is not far more than is stated."""
+        own = self.evidence
+        noise = own.nil < context.settings.nats and own.alone < NOISIER and own.off <= own.error_held
+        return self.leaves_noise(context) or noise
 
     def strays(self, found: Contender) -> bool:
         """Return whether an effect that it shares with a set imitates others here, and not there."""

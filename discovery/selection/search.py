@@ -75,8 +75,8 @@ class Search:
 
     def _give_up_a_loss(self) -> bool:
         """Let an effect take the place of a declared law that it contains, or, and return True, of a loss."""
-        doubled, noise = self.neighbours.without_contained(self.best), self.best.leaves_noise(self.context)
-        declared = doubled or ({} if noise else self.neighbours.without_losses(self.best))
+        doubled, enough = self.neighbours.without_contained(self.best), self.best.is_enough(self.context)
+        declared = doubled or ({} if enough else self.neighbours.without_losses(self.best))
         odds = {n: between_rivals(c, self.best, self.context.settings) for n, (_, c) in declared.items()}
         loss, code = max(odds, key=lambda n: odds[n], default=""), "contained" if doubled else "accepted"
         if not (doubled or (loss and odds[loss] > self.context.settings.nats)):

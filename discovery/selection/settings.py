@@ -48,6 +48,11 @@ class LoopSettings:
         Test the answer against the rig, and design manoeuvres for what the recordings cannot tell apart.
     budget : Budget
         How much work is done. A number out of its range is an InputError.
+
+    Examples
+    --------
+    >>> LoopSettings().form_of(model := Model("oscillator", ("linear_stiffness",))), LoopSettings().law_of(model)
+    (0.45, 0.005)
     """
 
     nats: float = 3.0

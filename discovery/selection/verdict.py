@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from discovery.declarations.registry import get_effect
-from discovery.estimation.log_evidence import NOISIER
 from discovery.selection.contender import Contender
 from discovery.selection.context import Context
 from discovery.selection.odds import HELD, Odds, between_rivals, odds_of
@@ -44,13 +43,8 @@ def least_error(contender: Contender, root: Contender, context: Context) -> floa
 
 
 def is_complete(contender: Contender, root: Contender, context: Context) -> bool:
-    """Return whether the model error of a set, in training and held out, cannot be told from none.
-
-    What forgets within a step looks like noise; of far more noise than is stated, it counts as model error.
-    """
-    evidence = contender.evidence
-    noise = evidence.nil < context.settings.nats and evidence.alone < NOISIER and evidence.off <= evidence.error_held
-    return evidence.left <= least_error(contender, root, context) or noise
+    """Return whether the model error of a set, in training and held out, cannot be told from none."""
+    return contender.is_enough(context) or contender.evidence.left <= least_error(contender, root, context)
 
 
 def verdict_of(added: Sequence[str], geometry: Sequence[str], *, complete: bool) -> str:
