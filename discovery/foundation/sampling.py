@@ -47,6 +47,18 @@ def stride(rows: IntArray) -> int:
     return every if (rows % every == rows[:1] % every).all() else 1
 
 
+def stretches(inside: BoolArray) -> list[tuple[int, int]]:
+    """Return the first sample of every stretch of those (n,) that are `inside`, and the one after its last.
+
+    Examples
+    --------
+    >>> stretches(np.array([True, False, True, True]))
+    [(0, 1), (2, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))).tolist()
+    return list(zip(edges[0::2], edges[1::2], strict=True))
+
+
 def gaps(time: FloatArray, step: float | None = None) -> BoolArray:
     """Return for each of the n - 1 steps between n instants whether samples are missing in it.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray
+from discovery.foundation.sampling import stretches
 from discovery.recordings.sensor_faults import IDLE
 
 _BANDS = (0, 1, 2, 4, 8, 16)  # steps that readings at an end may lie apart
@@ -57,10 +58,8 @@ def cut_off(values: FloatArray, step: float, still: BoolArray | None = None) -> 
 
 def _stays(below: FloatArray, band: float, step: float, idle: BoolArray) -> int:
     """Return how often readings that lie so far `below` their extreme stay within a band as no motion does."""
-    inside = np.concatenate([[False], below <= band + 0.5 * step, [False]])
-    edges = np.flatnonzero(np.diff(inside.astype(np.int8)))
     found = 0
-    for start, stop in zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True):
+    for start, stop in stretches(below <= band + 0.5 * step):
         length = stop - start
         if length < _SHORTEST or idle[start:stop].mean() > IDLE:
             continue

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from discovery.foundation.arrays import BoolArray, FloatArray, IntArray
+from discovery.foundation.sampling import stretches
 from discovery.recordings.time_stamps import left_by_cubics
 
 _SHORTEST_CLIPPED = 3  # equal readings at the extreme
@@ -157,16 +158,12 @@ def lost(values: FloatArray, step: float) -> BoolArray:
     if not np.isfinite(steps).any():
         return found
     far = _FAR_OFF * max(float(np.nanmedian(steps)), step)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], zero, [False]]).astype(np.int8)))
-    runs = [(a, b) for a, b in zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True) if a > 0 and b < zero.size]
-    gone = [(a, b) for a, b in runs if b - a <= _LONGEST_LOST and _same_side(values[a - 1], values[b], far)]
+    short = [(a, b) for a, b in stretches(zero) if a > 0 and b < zero.size and b - a <= _LONGEST_LOST]
+    sides = [(a, b, values[a - 1], values[b]) for a, b in short]
+    gone = [(a, b) for a, b, before, after in sides if before * after > 0 and min(abs(before), abs(after)) > far]
     for a, b in gone if len(gone) >= _LOST else ():
         found[a:b] = True
     return found
-
-
-def _same_side(before: float, after: float, far: float) -> bool:
-    return bool(before * after > 0 and min(abs(before), abs(after)) > far)
 
 
 def spikes(time: FloatArray, values: FloatArray, error: float) -> IntArray:

@@ -9,6 +9,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import find_peaks
 
 from discovery.foundation.arrays import FloatArray
+from discovery.foundation.sampling import stretches
 
 MISMATCH = 0.01  # of the input's power, between a stretch and its repetition
 
@@ -47,18 +48,17 @@ def _repeating(u: FloatArray, lag: int, sign: int) -> list[tuple[int, int]]:
     square, variance = (u[lag:] - sign * u[:-lag]) ** 2, float(np.var(u))
     total = np.concatenate([[0.0], np.cumsum(square)])
     same = total[width:] - total[:-width] < MISMATCH * 2.0 * width * variance
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]])))
-    stretches: list[tuple[int, int]] = []
-    for start, end in zip(edges[::2], edges[1::2], strict=True):
+    found: list[tuple[int, int]] = []
+    for start, end in stretches(same):
         stop = end - 1 + width
         # The first and the last window may hold a few samples of what is next to them: they exceed the input's noise.
         alien = square[start:stop] > max(30.0 * np.median(square[start:stop]), 1e-12 * variance)
         half = width // 2
         stop -= half - int(np.argmax(alien[-half:])) if alien[-half:].any() else 0
         start += half - int(np.argmax(alien[:half][::-1])) if alien[:half].any() else 0
-        if stop - start < 2 * width or (stretches and start <= stretches[-1][1] - width):
+        if stop - start < 2 * width or (found and start <= found[-1][1] - width):
             continue
         # What hardly moves is like anything: it repeats where it differs little by its own motion.
         if np.mean(square[start:stop]) < MISMATCH * 2.0 * float(np.var(u[start : stop + lag])):
-            stretches.append((int(start), int(stop) + lag))
-    return stretches
+            found.append((int(start), int(stop) + lag))
+    return found
